@@ -1,0 +1,56 @@
+"""Where irsbot is, and on which Python and which ROS 2 it stands."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import environment
+
+
+@dataclass(frozen=True)
+class Place:
+    """One copy of irsbot on one machine.
+
+    sourced: a ROS 2 Jazzy is sourced and used as it is; else wheels are installed in .venv.
+    python: the interpreter outside .venv.
+    """
+
+    root: Path
+    sourced: bool
+    python: str
+
+    @property
+    def venv(self) -> Path:
+        return self.root / ".venv"
+
+    @property
+    def workspace(self) -> Path:
+        return self.root / "ros2_ws"
+
+    @property
+    def install(self) -> Path:
+        return self.workspace / "install"
+
+    @property
+    def paths_file(self) -> Path:
+        """What the built workspace adds to the search paths."""
+        return self.workspace / "build" / "irsbot_paths.json"
+
+    @property
+    def log(self) -> Path:
+        return self.root / "runs" / "setup.log"
+
+    @property
+    def interpreter(self) -> str:
+        """The Python in which irsbot runs."""
+        return self.python if self.sourced else str(self.venv / "bin" / "python")
+
+    def underlay(self) -> dict[str, str]:
+        """The environment of ROS 2 without the workspace."""
+        return dict(os.environ) if self.sourced else environment.with_wheels(self.venv, os.environ)
+
+    def environment(self) -> dict[str, str]:
+        """The environment of irsbot, once it is set up."""
+        return environment.prepend(environment.load(self.paths_file), self.underlay())
