@@ -1,0 +1,310 @@
+"""Serialised messages <-> records without ROS: XCDR1 little-endian, as rclpy serialises.
+
+Made for the hot path. The first message of a stream is walked field by field, and the walk leaves a layout behind: one
+`struct` for the whole message, and the places of all that messages of this layout have in common (lengths and texts).
+The next message costs one `unpack_from` and one comparison of those places; one that differs in any of them is walked
+again. Padding is skipped, never compared, because senders leave it uninitialised.
+
+`convert` is the reference: property tests hold this file equal to rclpy's serialisation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from functools import lru_cache
+from operator import itemgetter
+from struct import Struct, error, unpack_from
+from typing import Any
+
+from .records import Cause, Finding, JointSample, Level, SingularityState, Verdict
+from .stamps import nanoseconds, sec_nanosec
+
+Bytes = bytes | bytearray | memoryview
+
+# What a field is made of: a `struct` code; with "*" a sequence of it; "s" is a text; "header" is stamp and frame;
+# a tuple of kinds is a sequence of structures.
+Kinds = tuple[Any, ...]
+
+JOINT_STATE: Kinds = ("header", "s*", "d*", "d*", "d*")
+STATE: Kinds = (
+    *("header", "s", "Q", "q", "q", "B", "I", "d*", "d*", "d*", "d*", "b*", "b", "d*", "d", "d", "d*"),
+    *("d*", "d", "d", "d", "d*", "d*", "d*", "d", "I", "d", "d", "?", "d", "d", "d"),
+)
+FINDING: Kinds = ("I", "B", "d", "d", "s", "s")
+VERDICT: Kinds = ("header", "B", "I", "?", "I", "d*", "s", "Q", "s", "q", "d", FINDING)
+
+_SIZE = {"?": 1, "b": 1, "B": 1, "s": 1, "i": 4, "I": 4, "d": 8, "q": 8, "Q": 8}
+_NUMBERS = frozenset("?bBiIdqQ")
+_SEQUENCES = {"d*": "d", "b*": "b"}
+_ENCAPSULATION = b"\x00\x01\x00\x00"  # little-endian XCDR1
+_ORIGIN = len(_ENCAPSULATION)  # alignment counts from here
+_MAX_PACKERS = 64  # a stream needs one or two: texts and sequences change their length rarely
+
+
+class CdrError(ValueError):
+    """Bytes that are not the message they are taken for, or a record that does not fit its message."""
+
+
+class _Format:
+    """The `struct` code of a message, grown field by field with the padding of XCDR1."""
+
+    def __init__(self) -> None:
+        self.parts = ["<4s"]
+        self.end = _ORIGIN
+
+    def add(self, code: str, count: int = 1) -> int:
+        """Append `count` values; returns where they begin. Nothing is aligned for an empty sequence."""
+        size = _SIZE[code]
+        pad = -(self.end - _ORIGIN) % size if count else 0
+        self.parts.append(f"{pad}x{count}{code}")
+        start = self.end + pad
+        self.end = start + count * size
+        return start
+
+    def compile(self) -> Struct:
+        return Struct("".join(self.parts))
+
+
+class _Layout:
+    """Where all fields lie in the messages that share lengths and texts with the one it was learned from."""
+
+    def __init__(self, walk: _Walk) -> None:
+        self._unpack_from = walk.format.compile().unpack_from
+        self._shared = itemgetter(*walk.shared)
+        self._expected = self._shared(walk.flat)
+        self._texts = tuple(reversed(walk.texts))
+        self._fields = itemgetter(*walk.slots)
+
+    def read(self, data: Bytes) -> tuple[Any, ...] | None:
+        """The fields of `data`, or None when it has another layout."""
+        try:
+            flat = self._unpack_from(data)
+        except error:
+            return None
+        if self._shared(flat) != self._expected:
+            return None
+        fields: tuple[Any, ...] = self._fields(flat + self._texts)
+        return fields
+
+
+class _Walk:
+    """Reads one message slowly and suspiciously and notes the layout on the way."""
+
+    def __init__(self, data: Bytes, kinds: Kinds) -> None:
+        self.data = data
+        self.format = _Format()
+        self.flat: list[Any] = [bytes(data[:_ORIGIN])]
+        self.shared = [0]  # indices into flat of the encapsulation, lengths and texts
+        self.texts: list[str | tuple[str, ...]] = []
+        self.slots: list[int | slice] = []  # of each field in flat; text n has slot -1 - n
+        if self.flat[0] != _ENCAPSULATION:
+            raise CdrError(f"encapsulation {self.flat[0].hex(' ')}: expected 00 01 00 00, little-endian XCDR1")
+        self._fields(kinds)
+
+    def _fields(self, kinds: Kinds) -> None:
+        for kind in kinds:
+            if isinstance(kind, tuple):
+                for _ in range(self._length()):
+                    self._fields(kind)
+            elif kind == "header":
+                self._fields(("i", "I"))
+                self._text()
+            elif kind == "s":
+                self._keep(self._text())
+            elif kind == "s*":
+                self._keep(tuple(self._text() for _ in range(self._length())))
+            elif kind in _SEQUENCES:
+                self.slots.append(self._take(_SEQUENCES[kind], self._length()))
+            else:
+                self.slots.append(self._take(kind).start)
+
+    def _take(self, code: str, count: int = 1) -> slice:
+        """Read `count` numbers; returns their place in flat."""
+        start = self.format.add(code, count)
+        if self.format.end > len(self.data):
+            raise CdrError(f"{len(self.data)} bytes end inside {count} x {code!r} at byte {start}")
+        place = slice(len(self.flat), len(self.flat) + count)
+        self.flat += unpack_from(f"<{count}{code}", self.data, start)
+        return place
+
+    def _length(self) -> int:
+        place = self._take("I").start
+        self.shared.append(place)
+        count: int = self.flat[place]
+        return count
+
+    def _text(self) -> str:
+        start = self.format.add("s", self._length())
+        raw = bytes(self.data[start : self.format.end])
+        if self.format.end > len(self.data) or raw.find(0) != len(raw) - 1:
+            raise CdrError(f"the text at byte {start} does not end where its length says")
+        self.shared.append(len(self.flat))
+        self.flat.append(raw)
+        return raw[:-1].decode(errors="replace")  # as rclpy does
+
+    def _keep(self, text: str | tuple[str, ...]) -> None:
+        self.texts.append(text)
+        self.slots.append(-len(self.texts))
+
+
+class _Codec:
+    """One message type: fields out of bytes, and bytes out of fields, by the layouts learned so far."""
+
+    def __init__(self, kinds: Kinds) -> None:
+        self._kinds = kinds
+        self._layout: _Layout | None = None
+        self._packers: dict[tuple[int, ...], Struct] = {}
+
+    def decode(self, data: Bytes) -> tuple[Any, ...]:
+        """The fields in order; a header is two, seconds and nanoseconds; structures follow one another."""
+        layout = self._layout
+        fields = layout.read(data) if layout is not None else None
+        if fields is None:
+            self._layout = layout = _Layout(_Walk(data, self._kinds))
+            fields = layout.read(data)
+            assert fields is not None, "a layout reads the message it was learned from"
+        return fields
+
+    def encode(self, record: Iterable[Any]) -> bytes:
+        """The bytes of a record whose fields are those of the message; a header is one field, nanoseconds."""
+        flat: list[Any] = [_ENCAPSULATION]
+        lengths: list[int] = []
+        try:
+            _flatten(self._kinds, record, flat, lengths)
+            key = tuple(lengths)
+            packer = self._packers.get(key)
+            if packer is None:
+                if len(self._packers) >= _MAX_PACKERS:
+                    self._packers.clear()
+                packer = self._packers[key] = _packer(self._kinds, lengths)
+            return packer.pack(*flat)
+        except (error, TypeError, ValueError) as problem:
+            raise CdrError(f"does not fit its message: {problem}") from None
+
+
+def _flatten(kinds: Kinds, record: Iterable[Any], flat: list[Any], lengths: list[int]) -> None:
+    """Append what `_packer` packs: lengths before sequences and texts, a header as stamp and empty frame."""
+    for kind, value in zip(kinds, record, strict=True):
+        if kind in _NUMBERS:
+            flat.append(value)
+        elif kind in _SEQUENCES:
+            lengths.append(len(value))
+            flat.append(len(value))
+            flat += value
+        elif kind == "s":
+            raw = value.encode() + b"\0"
+            if raw.find(0) != len(raw) - 1:
+                raise ValueError(f"text with a zero inside: {value!r}")
+            lengths.append(len(raw))
+            flat += (len(raw), raw)
+        elif kind == "header":
+            flat += (*sec_nanosec(value), 1, b"\0")
+        else:
+            lengths.append(len(value))
+            flat.append(len(value))
+            for item in value:
+                if kind == "s*":
+                    _flatten(("s",), (item,), flat, lengths)
+                else:
+                    _flatten(kind, item, flat, lengths)
+
+
+def _packer(kinds: Kinds, lengths: Iterable[int]) -> Struct:
+    """The `struct` of the messages whose sequences and texts have these lengths."""
+    form = _Format()
+    _grow(form, kinds, iter(lengths))
+    return form.compile()
+
+
+def _grow(form: _Format, kinds: Kinds, lengths: Iterator[int]) -> None:
+    for kind in kinds:
+        if kind in _NUMBERS:
+            form.add(kind)
+        elif kind == "header":
+            for code in ("i", "I", "I", "s"):
+                form.add(code)
+        else:
+            form.add("I")
+            count = next(lengths)
+            if kind == "s":
+                form.add("s", count)
+            elif kind in _SEQUENCES:
+                form.add(_SEQUENCES[kind], count)
+            else:
+                for _ in range(count):
+                    _grow(form, ("s",) if kind == "s*" else kind, lengths)
+
+
+_joint_state = _Codec(JOINT_STATE)
+_state = _Codec(STATE)
+_verdict = _Codec(VERDICT)
+
+_STATE_LEVEL = SingularityState._fields.index("level")
+_STATE_CAUSES = SingularityState._fields.index("causes")
+_STATE_STOP_CAUSE = SingularityState._fields.index("stop_cause")
+_VERDICT_FIXED = len(VERDICT) - 1  # fields of the record before the findings
+
+_cause = lru_cache(maxsize=4096)(Cause)  # making a member takes as long as reading a whole message
+
+
+@lru_cache(maxsize=len(Level))
+def _level(value: int) -> Level:
+    try:
+        return Level(value)
+    except ValueError:
+        raise CdrError(f"level {value} is none of 0 to {max(Level)}") from None
+
+
+def decode_joint_state(data: Bytes, received_ns: int, seen_ns: int) -> JointSample:
+    """A sensor_msgs/JointState that arrived at `received_ns` (ROS clock), `seen_ns` (steady clock)."""
+    sec, nanosec, names, position, velocity, effort = _joint_state.decode(data)
+    return JointSample(nanoseconds(sec, nanosec), received_ns, seen_ns, names, position, velocity, effort)
+
+
+def encode_joint_state(sample: JointSample) -> bytes:
+    """A sensor_msgs/JointState; the times of arrival stay behind."""
+    return _joint_state.encode((sample.stamp_ns, sample.names, sample.position, sample.velocity, sample.effort))
+
+
+def decode_state(data: Bytes) -> SingularityState:
+    """An irsbot_msgs/SingularityState."""
+    sec, nanosec, *rest = _state.decode(data)
+    fields = [nanoseconds(sec, nanosec), *rest]
+    fields[_STATE_LEVEL] = _level(fields[_STATE_LEVEL])
+    fields[_STATE_CAUSES] = _cause(fields[_STATE_CAUSES])
+    fields[_STATE_STOP_CAUSE] = _cause(fields[_STATE_STOP_CAUSE])
+    return SingularityState._make(fields)
+
+
+def encode_state(state: SingularityState) -> bytes:
+    """An irsbot_msgs/SingularityState."""
+    return _state.encode(state)
+
+
+def decode_verdict(data: Bytes) -> Verdict:
+    """An irsbot_msgs/Verdict."""
+    sec, nanosec, level, causes, *rest = _verdict.decode(data)
+    behind = _VERDICT_FIXED - 3
+    fixed, flat = rest[:behind], rest[behind:]
+    findings = tuple(
+        Finding(_cause(flat[k]), _level(flat[k + 1]), *flat[k + 2 : k + len(FINDING)])
+        for k in range(0, len(flat), len(FINDING))
+    )
+    return Verdict._make((nanoseconds(sec, nanosec), _level(level), _cause(causes), *fixed, findings))
+
+
+def encode_verdict(verdict: Verdict) -> bytes:
+    """An irsbot_msgs/Verdict."""
+    return _verdict.encode(verdict)
+
+
+def decode_string(data: Bytes) -> str:
+    """A std_msgs/String."""
+    (text,) = _Walk(data, ("s",)).texts
+    assert isinstance(text, str)
+    return text
+
+
+def encode_string(text: str) -> bytes:
+    """A std_msgs/String."""
+    return _Codec(("s",)).encode((text,))

@@ -1,0 +1,200 @@
+"""Plain twins of what crosses a process: immutable, comparable, free of ROS.
+
+Times are integer nanoseconds. `seen_ns` is the steady clock of the receiver, `stamp_ns` the ROS time said by the
+sender, `received_ns` the ROS time of the receiver. Vectors are tuples in the configured joint or task order.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum, IntFlag
+from math import nan
+from typing import Any, NamedTuple
+
+Floats = tuple[float, ...]
+Signs = tuple[int, ...]
+
+
+class Level(IntEnum):
+    """How severe: the worst wins. UNKNOWN stops like STOP but says that nothing could be concluded."""
+
+    OK = 0
+    WARN = 1
+    STOP = 2
+    UNKNOWN = 3
+
+
+class Cause(IntFlag):
+    """Why: the bits of `causes`; SingularityState.msg explains each."""
+
+    NONE = 0
+    TYPE1 = 1
+    TYPE2 = 2
+    CONSTRAINT = 4
+    LIMB = 8
+    REACTION = 16
+    BRAKING = 32
+    SPEED = 64
+    NOT_ASSEMBLED = 128
+    BRANCH = 256
+    NO_DATA = 512
+    STALE = 1024
+    STAMP = 2048
+    NAMES = 4096
+    NONFINITE = 8192
+    IMPLAUSIBLE = 16384
+    DEGRADED = 32768
+    LATCHED = 262144
+    INTERNAL = 524288
+
+
+class JointSample(NamedTuple):
+    """One JointState as it arrived, nothing picked or repaired."""
+
+    stamp_ns: int
+    received_ns: int
+    seen_ns: int
+    names: tuple[str, ...]
+    position: Floats  # rad or m
+    velocity: Floats = ()  # rad/s or m/s; may be empty
+    effort: Floats = ()  # N m or N; may be empty
+
+
+class Tick(NamedTuple):
+    """Time passed and nothing else happened."""
+
+    received_ns: int
+    seen_ns: int
+
+
+class Finding(NamedTuple):
+    """One reason for a level: what was found against which limit."""
+
+    cause: Cause
+    level: Level
+    value: float
+    limit: float
+    unit: str
+    text: str
+
+
+class SingularityState(NamedTuple):
+    """What one sample says; the fields are those of SingularityState.msg, where their units stand."""
+
+    stamp_ns: int
+    robot: str
+    sequence: int
+    received_ns: int
+    seen_ns: int
+    level: Level
+    causes: int
+    joint_position: Floats
+    joint_velocity: Floats
+    pose: Floats
+    pose_rate: Floats
+    working_mode: Signs
+    assembly_mode: int
+    type1_margin: Floats
+    type2_margin: float
+    constraint_margin: float
+    limb_margin: Floats
+    type1_uncertainty: Floats
+    type2_uncertainty: float
+    constraint_uncertainty: float
+    clearance: float
+    pressure_angle: Floats
+    reaction: Floats
+    reaction_max: Floats
+    stop_margin: float
+    stop_cause: Cause
+    stop_limit: float
+    time_to_stop: float
+    approaching: bool
+    closure_residual: float
+    sample_age: float
+    compute_time: float = nan
+
+
+def unknown_state(
+    times: tuple[int, int, int],
+    robot: str,
+    sequence: int,
+    cause: int,
+    joints: tuple[Floats, Floats],
+    sizes: tuple[int, int],
+) -> SingularityState:
+    """The state of a sample from which no pose follows: level UNKNOWN, what is not known is NaN.
+
+    times: stamp, receive and steady time, ns. joints: positions and velocities as far as they are known.
+    sizes: number of task coordinates and of limb margins of the robot.
+    """
+    stamp_ns, received_ns, seen_ns = times
+    each, pose = (nan,) * len(joints[0]), (nan,) * sizes[0]
+    return SingularityState(
+        stamp_ns=stamp_ns,
+        robot=robot,
+        sequence=sequence,
+        received_ns=received_ns,
+        seen_ns=seen_ns,
+        level=Level.UNKNOWN,
+        causes=cause,
+        joint_position=joints[0],
+        joint_velocity=joints[1],
+        pose=pose,
+        pose_rate=pose,
+        working_mode=(0,) * len(each),
+        assembly_mode=0,
+        type1_margin=each,
+        type2_margin=nan,
+        constraint_margin=nan,
+        limb_margin=(nan,) * sizes[1],
+        type1_uncertainty=each,
+        type2_uncertainty=nan,
+        constraint_uncertainty=nan,
+        clearance=nan,
+        pressure_angle=each,
+        reaction=each,
+        reaction_max=each,
+        stop_margin=nan,
+        stop_cause=Cause.NONE,
+        stop_limit=nan,
+        time_to_stop=nan,
+        approaching=False,
+        closure_residual=nan,
+        sample_age=(received_ns - stamp_ns) / 1e9,
+    )
+
+
+class Verdict(NamedTuple):
+    """What a consumer has to obey; the fields are those of Verdict.msg."""
+
+    stamp_ns: int
+    level: Level
+    causes: int
+    latched: bool
+    event: int
+    escape_direction: Floats
+    text: str
+    sequence: int
+    config_hash: str
+    since_ns: int
+    speed_scale: float
+    findings: tuple[Finding, ...]
+
+
+class Reset(NamedTuple):
+    """An operator wants to end the stop number `event`."""
+
+    received_ns: int
+    seen_ns: int
+    event: int
+    text: str
+    seed_pose: Floats = ()  # where the platform is, roughly, m and rad; empty: not said
+
+
+class Configure(NamedTuple):
+    """New settings are in force from now on."""
+
+    received_ns: int
+    seen_ns: int
+    values: dict[str, Any]  # of `Settings`, by name
+    machine: dict[str, Any]  # what robot they are for, complete

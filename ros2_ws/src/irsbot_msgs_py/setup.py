@@ -1,0 +1,20 @@
+from setuptools import setup
+
+package = "irsbot_msgs_py"
+
+setup(
+    name=package,
+    version="0.1.0",
+    packages=[package],
+    package_data={package: ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{package}"]),
+        (f"share/{package}", ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=False,
+    maintainer="irsbot maintainers",
+    maintainer_email="maintainers@irsbot.example",
+    description="Plain records of what crosses a process, and their conversion to and from irsbot_msgs.",
+    license="Apache-2.0",
+)

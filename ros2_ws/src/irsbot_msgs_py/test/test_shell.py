@@ -1,0 +1,109 @@
+"""The shell around every node, in processes of their own: how it starts, lives through errors, and ends."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+pytest.importorskip("rclpy", reason="needs ROS 2")
+
+pytestmark = pytest.mark.ros
+
+PROGRAM = """
+import sys
+from irsbot_msgs_py.shell import UsageError, run
+from rclpy.node import Node
+
+class Shown(Node):
+    exit_code = None
+    ticks = 0
+    def __init__(self):
+        super().__init__("shown")
+        if WISH == "refuse":
+            raise UsageError("no such\\nthing")
+        if WISH == "type":
+            self.declare_parameter("number", 1)
+        self.create_timer(0.01, self.tick)
+    def tick(self):
+        self.ticks += 1
+        print("tick", self.ticks, flush=True)
+        if WISH == "fail" and self.ticks < 3:
+            raise RuntimeError("a callback failed")
+        if WISH == "leave":
+            self.exit_code = 7
+    def close(self):
+        print("closed", flush=True)
+
+WISH = sys.argv[1]
+sys.exit(run(Shown))
+"""
+
+
+@contextmanager
+def shown(wish: str, *args: str) -> Iterator[subprocess.Popen[str]]:
+    """A process that prints every tick; killed on the way out if it still lives."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, wish, *args],
+        env={**os.environ, "ROS_DOMAIN_ID": str(1 + os.getpid() % 100)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_closes_the_node_and_is_a_success(number: signal.Signals):
+    with shown("run") as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "tick 1\n"
+        process.send_signal(number)
+        out, err = process.communicate(timeout=20)
+        assert process.returncode == 0
+        assert out.endswith("closed\n")
+        assert err == ""
+
+
+def test_the_node_may_end_itself_with_a_code():
+    with shown("leave") as process:
+        out, _ = process.communicate(timeout=20)
+        assert process.returncode == 7
+        assert out.endswith("closed\n")
+
+
+def test_an_error_in_a_callback_is_reported_and_survived():
+    with shown("fail") as process:
+        assert process.stdout is not None
+        assert "tick 5\n" in (process.stdout.readline() for _ in range(5))
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=20)
+        assert process.returncode == 0
+        assert "RuntimeError: a callback failed" in err
+
+
+@pytest.mark.parametrize(
+    ("wish", "args", "words"),
+    [
+        ("refuse", [], "no such thing"),
+        ("type", ["--ros-args", "-p", "number:=word"], "number"),
+        ("run", ["--ros-args", "-p", "no assignment"], "no assignment"),
+        ("run", ["--ros-args", "-r", "__ns:=/not valid"], "not valid"),
+    ],
+    ids=["refused by the node", "parameter of another type", "bad argument", "bad namespace"],
+)
+def test_a_mistake_of_the_user_is_one_line_and_exit_code_2(wish: str, args: list[str], words: str):
+    with shown(wish, *args) as process:
+        _, err = process.communicate(timeout=20)
+        assert process.returncode == 2
+        (line,) = (line for line in err.splitlines() if "[rcl]" not in line)  # rcl has its own say before ours
+        assert words in line
