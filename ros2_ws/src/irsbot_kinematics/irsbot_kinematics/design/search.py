@@ -1,0 +1,150 @@
+"""Search for a design that is free of parallel singularities in all modes and has the largest useful rectangle."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from math import radians
+
+import numpy as np
+
+from irsbot_kinematics.arithmetic import Array
+from irsbot_kinematics.design import proximal
+from irsbot_kinematics.design.designs import PARAMETERS, Designs
+from irsbot_kinematics.design.rectangle import Limits, Rectangle, largest_rectangle
+from irsbot_kinematics.errors import BadInput, KinematicsError
+from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2, Irsbot2Geometry
+
+VARIABLES = ("l1", "b", "p", "a1", "a2", "beta")
+"""What is searched; l2eq is what l1 leaves of the size."""
+RANGES: Mapping[str, tuple[float, float]] = {
+    "l1": (0.05, 0.45),
+    "b": (0.05, 0.60),
+    "p": (0.03, 0.10),
+    "a1": (0.05, 0.25),
+    "a2": (0.02, 0.10),
+    "beta": (radians(10.0), radians(60.0)),
+}
+"""Default bounds: lengths per metre of size, beta in rad. They keep the platform, the elbows and the base buildable:
+without them ever longer elbows win."""
+_COARSE, _FINE = (40, 120), (400, 800)
+"""Grid cells of the rectangle while searching, and for the result. The coarse grid hides differences of a few per
+cent, and so do different seeds."""
+
+
+class NoDesign(KinematicsError):
+    """A search that found nothing."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """What to search for."""
+
+    size: float = 1.0
+    """m: l1 + l2eq, the length of a stretched leg."""
+    slack: float = 0.002
+    """m by which every inequality of the zone has to hold: room for tolerances of the lengths."""
+    zone: str = "strict"
+    limits: Limits = field(default_factory=Limits)
+    ranges: Mapping[str, tuple[float, float]] = field(default_factory=lambda: dict(RANGES))
+    """Bounds of VARIABLES, lengths as parts of `size`."""
+    seed: int = 0
+    population: int = 15
+    """Designs per variable and generation."""
+    generations: int = 80
+
+    def __post_init__(self) -> None:
+        if set(self.ranges) != set(VARIABLES):
+            raise BadInput(f"a search needs ranges of {', '.join(VARIABLES)}, got {', '.join(self.ranges)}")
+        if not self.size > 0.0:
+            raise BadInput(f"a search must satisfy size > 0, got {self.size:.9g} against 0")
+        for name, (low, high) in self.ranges.items():
+            if not 0.0 < low < high:
+                raise BadInput(f"a search must satisfy 0 < low < high for {name}, got {low:.9g} against {high:.9g}")
+        if self.zone not in proximal.ZONES:
+            raise BadInput(f"no zone '{self.zone}'; zones are {', '.join(proximal.ZONES)}")
+
+
+@dataclass(frozen=True)
+class Found:
+    """The best design of a search."""
+
+    geometry: Irsbot2Geometry
+    rectangle: Rectangle
+    """On the fine grid."""
+    slack: float
+    """m: smallest slack of the zone's inequalities."""
+
+
+def search(task: Task, progress: Callable[[int, float], None] | None = None) -> Found:
+    """Differential evolution over VARIABLES, scipy's: a heuristic, the same for the same seed.
+
+    The useful rectangle is `largest_rectangle` of the usual mode. progress(generation, best area so far in m^2) is
+    called after each generation. Raises NoDesign if none of the ranges has a useful pose in the zone with that slack.
+    """
+    from scipy.optimize import differential_evolution
+
+    bounds = [task.ranges[name] for name in VARIABLES]
+    generation = 0
+    best = 0.0
+
+    def cost(X: Array) -> Array:
+        nonlocal best
+        costs = _costs(task, X)
+        best = max(best, -float(costs.min()) * task.size**2)
+        return costs
+
+    def after(*_: object) -> None:
+        nonlocal generation
+        generation += 1
+        if progress:
+            progress(generation, best)
+
+    result = differential_evolution(
+        cost,
+        bounds,
+        maxiter=task.generations,
+        popsize=task.population,
+        tol=0.0,
+        seed=task.seed,
+        polish=False,
+        updating="deferred",
+        vectorized=True,
+        callback=after,
+    )
+    if not result.fun < 0.0:
+        raise NoDesign(f"no design of these ranges is in zone '{task.zone}' with {task.slack:.6g} m of slack")
+    return judge(_geometry(task, result.x), task)
+
+
+def judge(geometry: Irsbot2Geometry, task: Task) -> Found:
+    """What a search says of a given design: rectangle on the fine grid, and slack in the zone."""
+    rectangle = largest_rectangle(Irsbot2(geometry), task.limits, cells=_FINE)
+    slack = proximal.slack(task.zone, proximal.answers(Designs.of(geometry)))
+    return Found(geometry, rectangle, float(slack[0]))
+
+
+def _costs(task: Task, X: Array) -> Array:
+    """Minus the area per size^2 of the designs inside the zone; outside, how far outside. X: (6, number)."""
+    columns = _lengths(task, X)
+    d = Designs.columns(columns)
+    valid = d.valid
+    slack = np.full(valid.shape, -1.0)
+    slack[valid] = proximal.slack(task.zone, proximal.answers(d.where(valid)))
+    cost = (task.slack - slack) / task.size
+    for i in np.flatnonzero(slack >= task.slack):
+        robot = Irsbot2(_geometry(task, X[:, i]))
+        cost[i] = -largest_rectangle(robot, task.limits, cells=_COARSE).area / task.size**2
+    return np.minimum(cost, 1.0 + task.size)
+
+
+def _lengths(task: Task, X: Array) -> dict[str, Array]:
+    columns = {
+        name: values if name == "beta" else values * task.size for name, values in zip(VARIABLES, X, strict=True)
+    }
+    return {**columns, "l2eq": task.size - columns["l1"]}
+
+
+def _geometry(task: Task, x: Array) -> Irsbot2Geometry:
+    lengths = {name: float(value) for name, value in _lengths(task, x).items()}
+    return Irsbot2Geometry(**{name: lengths[name] for name in PARAMETERS})

@@ -1,0 +1,115 @@
+"""Many designs at once: a grid or Latin hypercubes over the design parameters, judged chunk by chunk."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import prod
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from irsbot_kinematics.arithmetic import Array
+from irsbot_kinematics.design import distal, proximal
+from irsbot_kinematics.design.designs import PARAMETERS, Designs, Flags
+from irsbot_kinematics.design.proximal import QUESTIONS, ZONES
+from irsbot_kinematics.errors import BadInput
+
+CHUNK = 50_000
+"""Designs computed at once: some tens of megabytes, and no faster with more."""
+COUNTS = tuple(f"n_{kind.value}" for kind in distal.Kind)
+Column = NDArray[Any]
+Columns = dict[str, Column]
+
+
+@dataclass(frozen=True)
+class Range:
+    """Values of one parameter, m or rad. low = high keeps it fixed."""
+
+    low: float
+    high: float
+    steps: int = 1
+    """Values on a grid, ends included; not used by a hypercube."""
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.low) and np.isfinite(self.high) and self.low <= self.high):
+            raise BadInput(f"a range must satisfy low <= high, got {self.low:.9g} against {self.high:.9g}")
+        if not self.steps >= 1:
+            raise BadInput(f"a range must satisfy steps >= 1, got {self.steps} against 1")
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Which designs to judge."""
+
+    ranges: Mapping[str, Range]
+    """One for each of PARAMETERS."""
+    samples: int | None = None
+    """Number of random designs; None: the full grid."""
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if set(self.ranges) != set(PARAMETERS):
+            raise BadInput(f"a sweep needs ranges of {', '.join(PARAMETERS)}, got {', '.join(self.ranges)}")
+        if self.samples is not None and not self.samples >= 1:
+            raise BadInput(f"a sweep must satisfy samples >= 1, got {self.samples} against 1")
+
+    def __len__(self) -> int:
+        return prod(r.steps for r in self.ranges.values()) if self.samples is None else self.samples
+
+
+def designs(plan: Plan, chunk: int = CHUNK) -> Iterator[Designs]:
+    """The designs of a plan, at most `chunk` at a time; nothing larger is ever in memory.
+
+    Random designs are stratified within each chunk: every chunk is a Latin hypercube of its own.
+    """
+    ranges = [plan.ranges[name] for name in PARAMETERS]
+    generator = np.random.default_rng(plan.seed)
+    for start in range(0, len(plan), chunk):
+        count = min(chunk, len(plan) - start)
+        if plan.samples is None:
+            columns = _grid(ranges, start, count)
+        else:
+            strata = generator.permuted(np.tile(np.arange(count), (len(ranges), 1)), axis=1)
+            unit = (strata + generator.random(strata.shape)) / count
+            columns = [r.low + (r.high - r.low) * u for r, u in zip(ranges, unit, strict=True)]
+        yield Designs.columns(dict(zip(PARAMETERS, columns, strict=True)))
+
+
+def _grid(ranges: Sequence[Range], start: int, count: int) -> list[Array]:
+    places = np.unravel_index(np.arange(start, start + count), [r.steps for r in ranges])
+    return [np.linspace(r.low, r.high, r.steps)[place] for r, place in zip(ranges, places, strict=True)]
+
+
+def judge(d: Designs) -> Columns:
+    """The table of a sweep: parameters, validity, b0, posture counts, slack of every question, zones.
+
+    Designs that no machine can have (`valid` false) have counts 0, slacks NaN, and are in no zone. Slacks in metres:
+    positive where the question is answered yes, infinite where the distal loop cannot take the posture.
+    """
+    valid = d.valid
+    chosen = d.where(valid)
+    found = proximal.answers(chosen)
+    table: Columns = {name: getattr(d, name) for name in PARAMETERS}
+    table["valid"] = valid
+    table["b0"] = _spread(valid, chosen.b0, np.nan)
+    for name, number in zip(COUNTS, distal.counts(chosen), strict=True):
+        table[name] = _spread(valid, number.astype(np.int8), 0)
+    table["distal_free"] = _spread(valid, distal.distal_free(chosen), False)
+    for name in QUESTIONS:
+        table[f"slack_{name}"] = _spread(valid, found[name].slack, np.nan)
+    for zone in ZONES:
+        table[f"zone_{zone}"] = _spread(valid, proximal.in_zone(zone, found), False)
+    return table
+
+
+def sweep(plan: Plan, chunk: int = CHUNK) -> Iterator[Columns]:
+    """The judged designs of a plan, chunk by chunk, in order."""
+    return map(judge, designs(plan, chunk))
+
+
+def _spread(valid: Flags, values: Column, missing: float) -> Column:
+    column: Column = np.full(valid.shape, missing, dtype=values.dtype)
+    column[valid] = values
+    return column

@@ -1,0 +1,32 @@
+"""Checks that a geometry has to pass. The message of a refusal names the broken inequality with both values."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from math import isfinite
+from typing import Any
+
+from irsbot_kinematics.errors import InvalidGeometry
+
+
+def require(inequality: str, holds: bool, left: float, right: float) -> None:
+    """Raise InvalidGeometry unless `holds`; write the test that accepts, so that NaN is refused."""
+    if not holds:
+        raise InvalidGeometry(f"geometry must satisfy {inequality}, got {left:.9g} against {right:.9g}")
+
+
+def require_finite(geometry: Any) -> None:
+    """Raise InvalidGeometry unless every field of the dataclass is a finite number, or a tuple of them."""
+    for field in fields(geometry):
+        value = getattr(geometry, field.name)
+        for number in value if isinstance(value, tuple) and field.type != "float" else (value,):
+            if isinstance(number, bool) or not isinstance(number, (int, float)) or not isfinite(number):
+                raise InvalidGeometry(f"geometry must satisfy |{field.name}| < inf, got {value!r} against inf")
+
+
+def require_size(geometry: Any, size: int, *names: str) -> None:
+    """Raise InvalidGeometry unless the named fields have `size` numbers."""
+    for name in names:
+        value = getattr(geometry, name)
+        if not isinstance(value, tuple) or len(value) != size:
+            raise InvalidGeometry(f"geometry must satisfy size({name}) = {size}, got {value!r} against {size} numbers")

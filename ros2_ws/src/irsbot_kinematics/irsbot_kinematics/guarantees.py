@@ -1,0 +1,69 @@
+"""Certified bounds of how far a platform moves and how far its margins fall, from one posture, in plain floats.
+
+Setting. Leg i holds the platform point at arm c_i through a rod of length rod_i with unit direction r_i. The near end
+of the rod moves by at most path_i; `drive_i` bounds what the rod then asks of the platform along r_i. With d the
+displacement of the platform point, t the turn of the platform and radius >= |c_i|, the change of rod i is
+a = d + (R' - R) c_i - near end, and |(R' - R) c_i - t perp(c_i)| <= radius t^2/2, so from the rod's length
+
+    row_i . (d, t) = b_i,   |b_i| <= drive_i + (|d| + radius |t| + path_i)^2/(2 rod_i) + radius t^2/2
+
+(exact, not linearised), and |d| <= sum V_i |b_i|, |t| <= sum W_i |b_i| with (V_i, W_i) the sizes of column i of A^-1.
+Along any motion that starts at the posture (d, t) is continuous, so it cannot leave a box (x, y) whose image under
+these right sides is the box or less. With (x, y) = c (x0, y0), (x0, y0) the right sides without their terms in d and t,
+that is 1 + linear c + square c^2 <= c; the smallest such c is taken. Where the joints may move too far there is none,
+and no bound.
+
+Angles add up: if a direction turns by at most v and a plane's normal by at most w, the elevation of the direction over
+the plane falls by at most v + w; a vector changed by a share u < 1 of its size turns by at most asin(u).
+"""
+
+from __future__ import annotations
+
+from math import asin, inf, pi, sin, sqrt
+
+BALANCE = 0.1
+"""1: translation and turn of a box are at least this share of one another (turns times the radius): a motion that
+begins as a pure turn about the platform point would otherwise have a box without width."""
+HALF = 0.5
+"""1: share of its size up to which `level_after` follows the change of a normal."""
+CHORD = pi / 3.0
+"""asin(u) <= CHORD u for 0 <= u <= HALF, because asin is convex there and asin(1/2) = pi/6."""
+
+
+def displacement(start: float, linear: float, square: float) -> float:
+    """Smallest d with start + linear d + square d^2 <= d, m; infinite if there is none, also for NaN."""
+    slope = 1.0 - linear
+    delta = slope * slope - 4.0 * square * start
+    return 2.0 * start / (slope + sqrt(delta)) if slope > 0.0 and delta >= 0.0 else inf
+
+
+def displacement_and_turn(
+    x0: float, y0: float, moves: float, turns: float, path: float, rod: float, radius: float
+) -> tuple[float, float]:
+    """(m, rad) a platform moves and turns at most; infinite if there is no bound, also for NaN.
+
+    x0, y0: sum of V_i and of W_i times drive_i + path_i^2/(2 rod_i), m and rad; moves, turns: sums of V_i and W_i;
+    path: the largest path_i, rod: the smallest rod, m.
+    """
+    if x0 == 0.0 and y0 == 0.0:
+        return 0.0, 0.0
+    x0, y0 = max(x0, BALANCE * radius * y0), max(y0, BALANCE * x0 / radius)
+    reach = x0 + radius * y0
+    worst = max(moves / x0, turns / y0)
+    square = 0.5 * (reach * reach / rod + radius * y0 * y0)
+    c = displacement(1.0, worst * path * reach / rod, worst * square)
+    return c * x0, c * y0
+
+
+def lowered(sine: float, turn: float, share: float = 0.0) -> float:
+    """Smallest |sin| of an elevation after its direction turned by `turn` rad and the vector along its plane's normal
+    changed by `share` of its size: sin(asin(sine) - turn - asin(share)), 0 where that proves nothing."""
+    if not (share < 1.0 and sine > 0.0):
+        return 0.0
+    left = asin(min(sine, 1.0)) - turn - asin(share)
+    return sin(left) if left > 0.0 else 0.0
+
+
+def level_after(sine: float, turn: float, share: float) -> float:
+    """Largest d up to which an elevation that `lowered` by d turn and d share, both positive, has not reached 0."""
+    return min(asin(min(sine, 1.0)) / (turn + CHORD * share), HALF / share)

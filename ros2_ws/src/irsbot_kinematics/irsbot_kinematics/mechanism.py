@@ -1,0 +1,229 @@
+"""What every mechanism offers, and what a posture is. Nothing outside `mechanisms` asks which one it holds.
+
+Convention of all mechanisms: A t + B qdot = 0 with t the platform twist, the rows of A unit actuation screws at the
+platform point, B diagonal. Type 1: a B_ii is zero. Type 2: det A is zero.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from math import isfinite, nan
+from typing import Any, ClassVar, Generic, NamedTuple
+
+from irsbot_kinematics import statics
+from irsbot_kinematics.arithmetic import FLOATS, Arithmetic, N
+from irsbot_kinematics.tolerances import ASSEMBLY_TOL_M, CLOSURE_TOL_M, COINCIDENT_TOL_M, SIGN_DEAD_BAND
+
+Floats = tuple[float, ...]
+Signs = tuple[int, ...]
+
+
+class Status(IntEnum):
+    """What became of a request for one pose or posture; the numbers are those of the services."""
+
+    SOLVED = 0
+    UNREACHABLE = 1
+    SINGULAR = 2
+    INVALID = 3
+
+
+class Coordinate(NamedTuple):
+    """One joint or task coordinate: its name, its unit (`rad` or `m`) and its open range."""
+
+    name: str
+    unit: str
+    lower: float
+    upper: float
+
+    @property
+    def is_angle(self) -> bool:
+        return self.unit == "rad"
+
+
+@dataclass(slots=True)
+class Legs(Generic[N]):
+    """What the legs of one posture (N = float) or many (N = array) offer to the platform."""
+
+    screws: tuple[tuple[N, ...], ...]
+    """Rows of A: unit actuation screws at the platform point; moments in metres."""
+    levers: tuple[N, ...]
+    """Diagonal of B: m/rad for a revolute actuator, 1 for a slide."""
+    sines: tuple[N, ...]
+    """Signed Type 1 measure of each leg, B_ii over its largest possible size: -1..1."""
+    reach: tuple[N, ...]
+    """m the platform is from the workspace boundary of each leg."""
+    closure: tuple[N, ...]
+    """m by which each leg fails to close."""
+    constraint: N | None = None
+    """Constraint margin, 0..1; None where the legs cannot lose a constraint together."""
+    limb: tuple[N, ...] = ()
+    """Margin of each limb against losing a constraint of its own, 0..1."""
+    parts: tuple[N, ...] = ()
+    """Numbers behind the margins that the mechanism's own guarantee starts from."""
+    arms: tuple[tuple[N, N], ...] = ()
+    """Where each leg holds a platform that can turn, seen from the platform point, m; empty if it cannot turn."""
+
+
+class Posture(NamedTuple):
+    """One posture of one mechanism and all that is instantaneous about it. Where `status` is not SOLVED, the
+    numbers that are not determined are NaN."""
+
+    status: Status
+    joints: Floats
+    pose: Floats
+    working_mode: Signs
+    assembly_mode: int
+    screws: tuple[Floats, ...]
+    levers: Floats
+    sines: Floats
+    reach: Floats
+    gaps: Floats
+    """m: [0] assembly slack, 0 where two assembly modes meet; [1] distance from not determining the pose."""
+    cos_pressure: Floats
+    """Cosine of each leg's pressure angle, 0..1; the smallest is the Type 2 margin."""
+    det: float
+    """Determinant of the screws."""
+    constraint: float
+    limb: Floats
+    residual: float
+    """m: largest closure error."""
+    arms: tuple[Floats, ...]
+    parts: Floats
+    """Numbers behind the margins that the mechanism's own guarantee starts from."""
+
+    @property
+    def type1(self) -> Floats:
+        """Type 1 margin of each leg, 0..1."""
+        return tuple(map(abs, self.sines))
+
+    @property
+    def type2(self) -> float:
+        """Type 2 margin, 0..1."""
+        return min(self.cos_pressure) if self.status == Status.SOLVED else nan
+
+
+class Guarantee(NamedTuple):
+    """Lower bounds of the margins of a posture over all it can reach by a given travel of each joint."""
+
+    type1: Floats
+    type2: float
+    constraint: float
+    limb: Floats
+
+
+class Mechanism(ABC):
+    """A parallel robot. Instances hold a validated geometry and never change.
+
+    The equations `inverse`, `direct` and `legs` are written once for floats and arrays (`Arithmetic`).
+    """
+
+    kind: ClassVar[str]
+    """Name of the topology, as in the registry and in YAML files."""
+    geometry: Any
+    """Frozen dataclass of lengths (m) and angles (rad)."""
+    joints: tuple[Coordinate, ...]
+    task: tuple[Coordinate, ...]
+    length_m: float
+    """Characteristic length that makes moments comparable with forces."""
+    working_modes: tuple[Signs, ...]
+    assembly_modes: tuple[int, ...]
+    usual_working_mode: Signs
+    usual_assembly_mode: int
+    labels_hold: ClassVar[bool] = True
+    """Whether a branch keeps its assembly label over any motion free of Type 2; where not, only `track` follows it."""
+    limb_count: int = 0
+    """How many limbs have a margin of their own."""
+
+    @abstractmethod
+    def inverse(self, k: Arithmetic[N], pose: Sequence[N], mode: Signs) -> tuple[tuple[N, ...], tuple[N, ...]]:
+        """Joint positions of a pose in one working mode, and the reach of each leg (m, negative = too far).
+
+        Outside the workspace the joints are those of the leg stretched or folded towards the pose.
+        """
+
+    @abstractmethod
+    def direct(self, k: Arithmetic[N], joints: Sequence[N], assembly: int) -> tuple[tuple[N, ...], tuple[N, N]]:
+        """Pose of joint positions in one assembly mode, and its gaps (m) as `Posture.gaps` defines them.
+
+        The pose means something only where both gaps are positive; nothing is raised where they are not.
+        """
+
+    @abstractmethod
+    def legs(self, k: Arithmetic[N], joints: Sequence[N], pose: Sequence[N]) -> Legs[N]:
+        """Screws, levers and margins of a posture that closes."""
+
+    @abstractmethod
+    def guarantee(self, at: Posture, travel: Sequence[float], slack_m: float = 0.0) -> Guarantee:
+        """Lower bounds of all margins while every joint k moves by at most travel[k] from the posture.
+
+        travel: rad or m per joint, not negative. slack_m: further error of every leg's length and place.
+        The bounds are proved, not sampled; they are 0 where nothing can be said. `at` must be SOLVED.
+        """
+
+    @abstractmethod
+    def clearance(self, at: Posture) -> float:
+        """m the platform may move in any direction before the nearest singularity: a lower bound."""
+
+    @abstractmethod
+    def bias(self, at: Posture, joint_rates: Sequence[float], pose_rates: Sequence[float]) -> Floats:
+        """c of A a + B qddot + c = 0: what the velocities contribute to the accelerations."""
+
+    def prepare(self) -> None:  # noqa: B027 - most mechanisms have nothing to prepare
+        """Find now what is found once, so that the first sample takes no longer than the others."""
+
+    def posture(self, joints: Sequence[float], assembly: int) -> Posture:
+        """Everything about one posture, in plain floats. Never raises for values."""
+        q = tuple(joints)
+        if not all(map(isfinite, q)):
+            return self._undetermined(Status.INVALID, q, (nan, nan))
+        pose, gaps = self.direct(FLOATS, q, assembly)
+        if not gaps[0] >= -ASSEMBLY_TOL_M:
+            return self._undetermined(Status.UNREACHABLE, q, gaps)
+        if not gaps[1] > COINCIDENT_TOL_M:
+            return self._undetermined(Status.SINGULAR, q, gaps)
+        found = self.at(q, pose, assembly, gaps)
+        if not found.residual <= CLOSURE_TOL_M:  # joints of so many turns or metres that no digits are left
+            return self._undetermined(Status.INVALID, q, gaps)
+        return found
+
+    def track(self, joints: Sequence[float], previous: Posture) -> Posture:
+        """The posture at joints near those of `previous`, on the same branch of the direct kinematics."""
+        return self.posture(joints, previous.assembly_mode or self.usual_assembly_mode)
+
+    def at(self, joints: Floats, pose: Floats, assembly: int, gaps: tuple[float, float]) -> Posture:
+        """The posture of joints and a pose that belong together."""
+        legs = self.legs(FLOATS, joints, pose)
+        det, cosines = statics.pressure_cosines(FLOATS, legs.screws, legs.arms)
+        return Posture(
+            Status.SOLVED,
+            joints,
+            pose,
+            tuple([sign_of(s) for s in legs.sines]),
+            assembly,
+            legs.screws,
+            legs.levers,
+            legs.sines,
+            legs.reach,
+            gaps,
+            cosines,
+            det,
+            nan if legs.constraint is None else legs.constraint,
+            legs.limb,
+            max(map(abs, legs.closure)),
+            legs.arms,
+            legs.parts,
+        )
+
+    def _undetermined(self, status: Status, joints: Floats, gaps: tuple[float, float]) -> Posture:
+        each = (nan,) * len(self.joints)
+        pose = (nan,) * len(self.task)
+        no_mode = (0,) * len(self.joints)
+        return Posture(status, joints, pose, no_mode, 0, (), each, each, each, gaps, each, nan, nan, (), nan, (), ())
+
+
+def sign_of(sine: float) -> int:
+    """-1 or +1; 0 within the dead band, and for NaN."""
+    return 1 if sine > SIGN_DEAD_BAND else -1 if sine < -SIGN_DEAD_BAND else 0

@@ -1,0 +1,35 @@
+"""The registry: topology name -> geometry class and mechanism class, written out, no discovery."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from irsbot_kinematics.mechanism import Mechanism
+from irsbot_kinematics.mechanisms.delta_family import DeltaGeometry
+from irsbot_kinematics.mechanisms.five_bar import FiveBar, FiveBarGeometry
+from irsbot_kinematics.mechanisms.hybridglide import Hybridglide
+from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2, Irsbot2Geometry
+from irsbot_kinematics.mechanisms.linear_delta import LinearDelta, LinearDeltaGeometry
+from irsbot_kinematics.mechanisms.orthoglide import Orthoglide
+from irsbot_kinematics.mechanisms.rrr3 import Rrr3, Rrr3Geometry
+from irsbot_kinematics.mechanisms.triaglide import Triaglide
+from irsbot_kinematics.mechanisms.uranesx import UraneSX
+
+
+class Topology(NamedTuple):
+    """How to make a mechanism: `mechanism(geometry(**lengths))`."""
+
+    geometry: Any
+    mechanism: type[Mechanism]
+
+
+TOPOLOGIES: dict[str, Topology] = {
+    "irsbot2": Topology(Irsbot2Geometry, Irsbot2),
+    "five_bar": Topology(FiveBarGeometry, FiveBar),
+    "rrr3": Topology(Rrr3Geometry, Rrr3),
+    "orthoglide": Topology(DeltaGeometry, Orthoglide),
+    "hybridglide": Topology(DeltaGeometry, Hybridglide),
+    "triaglide": Topology(DeltaGeometry, Triaglide),
+    "uranesx": Topology(DeltaGeometry, UraneSX),
+    "linear_delta": Topology(LinearDeltaGeometry, LinearDelta),
+}

@@ -1,0 +1,52 @@
+"""Five-bar RRRRR: two cranks on the base, two rods that meet at the platform point; two translations in a plane.
+
+Source: the five-bar of [S1] and the translational limit of [S2]; the equations are those of the planar pair.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import nan
+from typing import ClassVar
+
+from irsbot_kinematics.arithmetic import Arithmetic, N
+from irsbot_kinematics.geometry import require, require_finite
+from irsbot_kinematics.mechanism import Floats
+from irsbot_kinematics.mechanisms.planar_pair import Loop, PlanarPair
+
+
+@dataclass(frozen=True)
+class FiveBarGeometry:
+    """Lengths in metres."""
+
+    l1: float
+    """Crank."""
+    l2: float
+    """Rod."""
+    b: float
+    """Half distance of the motor axes."""
+
+    def __post_init__(self) -> None:
+        require_finite(self)
+        for name in ("l1", "l2", "b"):
+            require(f"{name} > 0", getattr(self, name) > 0.0, getattr(self, name), 0.0)
+        require("b <= l1 + l2 (assembly)", self.b <= self.l1 + self.l2, self.b, self.l1 + self.l2)
+
+
+class FiveBar(PlanarPair):
+    """Joints: crank angles. Task: x, z of the point where the rods meet."""
+
+    kind: ClassVar[str] = "five_bar"
+    geometry: FiveBarGeometry
+
+    def __init__(self, geometry: FiveBarGeometry) -> None:
+        super().__init__(Loop(geometry.b, 0.0, geometry.l1, geometry.l2))
+        self.geometry = geometry
+
+    def constraint_parts(self, k: Arithmetic[N], c1: N, mz1: N, c2: N, mz2: N) -> tuple[()]:
+        """Empty: the legs are planar, nothing but the plane constrains the platform."""
+        return ()
+
+    def constraint_guarantee(self, parts: Floats, turn_rad: float) -> float:
+        """NaN: there is no constraint margin."""
+        return nan

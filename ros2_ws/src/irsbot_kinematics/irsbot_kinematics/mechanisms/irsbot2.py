@@ -1,0 +1,195 @@
+"""IRSBot-2: two translations in a plane with two spatial legs.
+
+Sources: [S1] Germain et al. 2011 for the kinematics, [S0] Germain et al. 2013 for the constraint singularities, both
+with the corrections listed in docs/sources.md. The planar kinematics is that of the equivalent five-bar; the spatial
+legs add the constraint margin.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import cos, hypot, inf, pi, sin, sqrt
+from typing import ClassVar
+
+from irsbot_kinematics.arithmetic import Arithmetic, N
+from irsbot_kinematics.geometry import require, require_finite
+from irsbot_kinematics.mechanism import Floats, Posture, Signs
+from irsbot_kinematics.mechanisms.planar_pair import Loop, PlanarPair
+from irsbot_kinematics.tolerances import COINCIDENT_TOL_M
+
+_SMALLEST = 1e-300
+"""m: keeps the normal of a rod defined where its leg vanishes. That takes l2eq = D; nothing is guaranteed then."""
+
+
+@dataclass(frozen=True)
+class Irsbot2Geometry:
+    """Lengths in metres, angle in radians, names as in [S0] and [S1]."""
+
+    l1: float
+    """Proximal arm."""
+    l2eq: float
+    """Equivalent distal rod."""
+    b: float
+    """Half distance of the motor axes."""
+    p: float
+    """Half platform width."""
+    a1: float
+    """Elbow arm."""
+    a2: float
+    """Platform arm."""
+    beta: float
+    """Inclination of the elbow arms, 0 < beta < pi/2."""
+    e: float = 0.0
+    """How far the elbow frame lies below the end of the proximal arm; any sign."""
+
+    def __post_init__(self) -> None:
+        require_finite(self)
+        for name in ("l1", "l2eq", "b", "p", "a1", "a2"):
+            require(f"{name} > 0", getattr(self, name) > 0.0, getattr(self, name), 0.0)
+        require("a1 > a2", self.a1 > self.a2, self.a1, self.a2)
+        require("beta > 0", self.beta > 0.0, self.beta, 0.0)
+        require("beta < pi/2", self.beta < pi / 2, self.beta, pi / 2)
+        apart = f"|b0| > {COINCIDENT_TOL_M} (b0 = b - p - a1 sin(beta); else the elbows coincide at every q_1 = q_2)"
+        require(apart, abs(self.b0) > COINCIDENT_TOL_M, abs(self.b0), COINCIDENT_TOL_M)
+        limit = self.l1 + self.l2eq
+        require("|b0| <= l1 + l2eq (assembly)", abs(self.b0) <= limit, abs(self.b0), limit)
+
+    @property
+    def b0(self) -> float:
+        """Half base of the equivalent five-bar, m."""
+        return self.b - self.p - self.a1 * sin(self.beta)
+
+    @property
+    def D(self) -> float:
+        """(a1 - a2) sin(beta), m."""
+        return (self.a1 - self.a2) * sin(self.beta)
+
+    @property
+    def mu(self) -> float:
+        """a2 / (a1 - a2)."""
+        return self.a2 / (self.a1 - self.a2)
+
+    @property
+    def ell(self) -> float:
+        """mu l2eq, m."""
+        return self.mu * self.l2eq
+
+    @property
+    def Lc(self) -> float:
+        """Largest distance of the points P_I, P_II, m: makes the constraint moments comparable with forces."""
+        return 2.0 * (self.p + self.ell)
+
+    @property
+    def l2(self) -> float:
+        """Length of each of the four distal rods, m ([S1] (1))."""
+        return sqrt(self.l2eq**2 + ((self.a1 - self.a2) * cos(self.beta)) ** 2)
+
+
+class Irsbot2(PlanarPair):
+    """Joints: angles of the two proximal arms. Task: x, z of the platform point."""
+
+    kind: ClassVar[str] = "irsbot2"
+    geometry: Irsbot2Geometry
+
+    def __init__(self, geometry: Irsbot2Geometry) -> None:
+        g = geometry
+        super().__init__(Loop(g.b0, g.e, g.l1, g.l2eq))
+        self.geometry = geometry
+        s, c = sin(g.beta), cos(g.beta)
+        # Numbers of sheet section 7 that do not depend on the posture.
+        self._numbers = (s, c, g.l2eq, g.D, g.ell / g.Lc, 2.0 * g.p / g.Lc)
+        turn = _largest_normal_turn(g.l2eq, g.D, c)
+        self._slope_y = sqrt(2.0) * s * turn
+        self._slope_xz = sqrt(2.0 * turn * turn + (g.ell / g.Lc) ** 2) if turn < inf else inf
+
+    def constraint_parts(self, k: Arithmetic[N], c1: N, mz1: N, c2: N, mz2: N) -> tuple[N, N]:
+        """sigma_y (0: Condition 1) and sigma_xz (0: Condition 2) of sheet section 7.
+
+        Their minimum is kappa, the third singular value of the platform's constraint moments: 0 iff the platform
+        gains a rotation. sigma_y lies in 0..sqrt(2) sin(beta).
+        """
+        s, c, l2, D, reach_x, offset_x = self._numbers
+        ux, uz = c * (l2 * c1 + D), l2 * mz1
+        vx, vz = c * (l2 * c2 - D), l2 * mz2
+        nu, nv = k.hypot(ux, uz) + _SMALLEST, k.hypot(vx, vz) + _SMALLEST  # see _SMALLEST
+        ux, uz, vx, vz = ux / nu, uz / nu, vx / nv, vz / nv
+        sigma_y = s * k.sqrt(2.0 * (ux * ux + vx * vx))
+        ux, vx = c * ux, c * vx
+        # P_IP_II.z / Lc and -P_IP_II.x / Lc
+        wx = reach_x * (mz2 - mz1)
+        wz = reach_x * (c1 - c2) - offset_x
+        uv, uw, vw = ux * vz - uz * vx, ux * wz - uz * wx, vx * wz - vz * wx
+        det = 4.0 * uv * uv + 2.0 * (uw * uw + vw * vw)
+        trace = 2.0 * (ux * ux + uz * uz + vx * vx + vz * vz) + wx * wx + wz * wz
+        sigma_xz = k.sqrt(2.0 * det / (trace + k.root(trace * trace - 4.0 * det)))
+        return sigma_y, sigma_xz
+
+    def constraint_guarantee(self, parts: Floats, turn_rad: float) -> float:
+        """Singular values change by no more than the Frobenius norm of the change of the matrix (Weyl); its columns
+        are rod normals, which turn by at most a known multiple of the rods' turn, and (y x P_IP_II)/Lc."""
+        if not turn_rad < inf:
+            return 0.0
+        left_y, left_xz = parts[0] - self._slope_y * turn_rad, parts[1] - self._slope_xz * turn_rad
+        left = left_y if left_y < left_xz else left_xz
+        return left if left > 0.0 else 0.0
+
+    def clearance(self, at: Posture) -> float:
+        """As for the planar pair, and exact for the constraint singularities: points of the workspace of one mode."""
+        nearest = super().clearance(at)
+        x, z = at.pose
+        for cx, cz, radius in self.constraint_places.get(at.working_mode, ()):
+            away = abs(hypot(x - cx, z - cz) - radius)
+            if away < nearest:
+                nearest = away
+        return nearest
+
+    def prepare(self) -> None:
+        """The places of the constraint singularities: milliseconds, and an import."""
+        _ = self.constraint_places
+
+    @cached_property
+    def constraint_places(self) -> dict[Signs, list[tuple[float, float, float]]]:
+        """Per working mode, where a constraint singularity is: circles (x, z, radius) in m, of radius 0 but where the
+        arms can hold the singular posture at every angle."""
+        from irsbot_kinematics.design.postures import reach, singular_postures  # which stands on this module
+
+        g = self.geometry
+        places: dict[Signs, list[tuple[float, float, float]]] = {mode: [] for mode in self.working_modes}
+        for posture in singular_postures(g):
+            held = reach(g, posture)
+            for placement in held.placements:
+                if placement.working_mode in places:  # else a leg is straight: Type 1 is there too
+                    places[placement.working_mode].append((*placement.pose, 0.0))
+            if held.anywhere:
+                psi = posture.psi[0]
+                for mode in places:
+                    places[mode].append((g.l2eq * cos(psi) - g.b0, -g.e - g.l2eq * sin(psi), g.l1))
+        return places
+
+
+def _largest_normal_turn(l2: float, D: float, c: float) -> float:
+    """Largest turn of a rod's unit normal n_jk per radian of psi, over all psi; infinite if the rod can vanish.
+
+    With X = cos psi the turn is c l2 |l2 + D X| / (c^2 (l2 X + D)^2 + l2^2 (1 - X^2)); leg II is leg I mirrored. A
+    quotient (a + b X)/(p X^2 + r X + t) is largest at X = +-1 or where b p X^2 + 2 a p X + a r - b t = 0.
+    """
+    p, r, t = l2 * l2 * (c * c - 1.0), 2.0 * c * c * l2 * D, c * c * D * D + l2 * l2
+    stationary = [-1.0, 1.0, *_real_roots(D * p, 2.0 * l2 * p, l2 * r - D * t)]
+    turns = []
+    for X in stationary:
+        if -1.0 <= X <= 1.0:
+            below = (p * X + r) * X + t
+            turns.append(c * l2 * abs(l2 + D * X) / below if below > 0.0 else inf)
+    return max(turns)
+
+
+def _real_roots(a: float, b: float, c: float) -> list[float]:
+    """Real roots of a X^2 + b X + c, without cancellation."""
+    if a == 0.0:
+        return [-c / b] if b != 0.0 else []
+    delta = b * b - 4.0 * a * c
+    if delta < 0.0:
+        return []
+    half = -0.5 * (b + (sqrt(delta) if b >= 0.0 else -sqrt(delta)))
+    return [half / a, *([c / half] if half != 0.0 else [])]

@@ -1,0 +1,118 @@
+"""Platforms that move and turn about z, held by rods: what the 3-RRR and the 4-RUU have in common.
+
+Leg i holds the platform point P at arm c_i by a rod with unit direction r_i. Row i of A is (r_i, (c_i x r_i).z): the
+force along the rod and its moment about z at P, in metres. The task is the position of P and the turn of the platform.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from math import asin, hypot, inf, nan, sqrt
+from operator import mul
+from typing import NamedTuple
+
+from irsbot_kinematics import statics
+from irsbot_kinematics.guarantees import displacement_and_turn, level_after, lowered
+from irsbot_kinematics.mechanism import Floats, Guarantee, Mechanism, Posture
+
+_ROWS = {n: (n - 1) * sqrt(2.0) ** (n - 1) for n in (3, 4)}
+"""1: n - 1 rows of at most sqrt(2) change the cross product of n - 1 rows by at most this times their turn."""
+
+
+class Travel(NamedTuple):
+    """What a travel of the joints asks of the rods, see `guarantees`, m."""
+
+    drives: Sequence[float]
+    path: float
+    """The longest way of a rod's near end."""
+    rod: float
+    """The shortest rod."""
+
+
+def column_sizes(screws: Sequence[Floats]) -> Floats:
+    """Per column of adj(A) the size of its force part, then per column of its moment part: |det| V_i, |det| W_i."""
+    _, columns = statics.cofactors(screws)
+    return (*[hypot(*column[:-1]) for column in columns], *[abs(column[-1]) for column in columns])
+
+
+class TurningPlatform(Mechanism):
+    """Certified bounds for mechanisms whose platform turns."""
+
+    radius: float
+    """m: largest |c_i|."""
+    span: float
+    """m: largest |c_i - c_j|."""
+    has_constraint: bool = False
+
+    @abstractmethod
+    def travel_of(self, at: Posture, travel: Sequence[float], slack_m: float) -> Travel:
+        """What joints that move by at most `travel` ask of the rods."""
+
+    @abstractmethod
+    def sine_floors(self, at: Posture, travel: Sequence[float], turn_rad: float, move_m: float) -> Floats:
+        """Lower bounds of the Type 1 sines while no rod turns by more than turn_rad and no rod end moves by more than
+        move_m against its leg's place."""
+
+    @abstractmethod
+    def turn_rate(self, at: Posture) -> tuple[float, float]:
+        """A radius, m, and how fast a rod can turn, rad/m, while no rod end has moved farther than that."""
+
+    def constraint_floor(self, at: Posture, turn_rad: float) -> float:
+        """Lower bound of the constraint margin while no rod turns by more than turn_rad; NaN: there is none."""
+        return nan
+
+    def guarantee(self, at: Posture, travel: Sequence[float], slack_m: float = 0.0) -> Guarantee:
+        """The platform moves and turns by at most (d, t) of guarantees.displacement_and_turn, a rod end by
+        d + radius t, and a rod turns by at most asin((d + radius t + path)/rod), by t more seen from the platform.
+
+        There cos alpha_i is the sine of the elevation of rod i over the line or plane across the velocity of its end
+        when leg i yields. That velocity times det is the force part of the cross product of the other rows taken at
+        c_i; with moments over `span` a row is no longer than sqrt(2) and changes by no more than sqrt(2) times its
+        turn. All rods may turn alike, so the smallest cosine stays the smallest.
+        """
+        n, size = len(at.levers), abs(at.det)
+        asked = self.travel_of(at, travel, slack_m)
+        d, t = self.box(at, asked)
+        end = d + self.radius * t
+        share = (end + asked.path) / asked.rod if asked.rod > 0.0 else inf
+        if not share < 1.0:
+            return self._nothing(n)
+        rod_turn = asin(share)
+        seen = rod_turn + t
+        cosine = min(at.cos_pressure)
+        type2 = lowered(cosine, seen, self._share(n, cosine, size, seen))
+        type1 = self.sine_floors(at, travel, rod_turn, end + slack_m)
+        return Guarantee(type1, type2, self.constraint_floor(at, rod_turn), type1[: self.limb_count])
+
+    def box(self, at: Posture, asked: Travel) -> tuple[float, float]:
+        """(m, rad) the platform moves and turns at most; infinite where there is no bound."""
+        n, size = len(at.levers), abs(at.det)
+        drives, path, rod = asked
+        if not (size > 0.0 and rod > 0.0):
+            return inf, inf
+        sizes = at.parts or column_sizes(at.screws)
+        moves, turns = sizes[:n], sizes[n : 2 * n]
+        move, turn = sum(moves) / size, sum(turns) / size
+        x, y = sum(map(mul, moves, drives)) / size, sum(map(mul, turns, drives)) / size
+        bend = 0.5 * path * path / rod
+        return displacement_and_turn(x + move * bend, y + turn * bend, move, turn, path, rod, self.radius)
+
+    def _share(self, n: int, cosine: float, size: float, turn: float) -> float:
+        """Change over size of the velocity across which the elevation is taken, when all rods turn by `turn`."""
+        return self.span * _ROWS[n] * turn * cosine / size
+
+    def _nothing(self, n: int) -> Guarantee:
+        return Guarantee((0.0,) * n, 0.0, 0.0 if self.has_constraint else nan, (0.0,) * self.limb_count)
+
+    def clearance(self, at: Posture) -> float:
+        """For translations d and turns t with |d| + radius |t| below the clearance, so that no rod end moves farther.
+
+        Type 1: exact, the smallest reach. Type 2: the elevations of `guarantee` fall at bounded rates in a ball."""
+        n = len(at.levers)
+        ball, rate = self.turn_rate(at)
+        size = abs(at.det)
+        if not (ball > 0.0 and size > 0.0):
+            return 0.0
+        seen, cosine = rate + 1.0 / self.radius, min(at.cos_pressure)
+        return min(ball, level_after(cosine, seen, self._share(n, cosine, size, seen)))

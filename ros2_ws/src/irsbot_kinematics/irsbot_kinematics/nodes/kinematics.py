@@ -1,0 +1,107 @@
+"""kinematics_node: IKM, DKM and evaluation as services. A shell: request, mathematics, response."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+
+from irsbot_msgs.srv import EvaluateJoints, SolveDirect, SolveInverse
+from rcl_interfaces.msg import ParameterDescriptor
+from rclpy.node import Node
+
+from irsbot_kinematics.errors import BadInput, KinematicsError, NotAssembled
+from irsbot_kinematics.requests import solve_direct, solve_inverse
+from irsbot_kinematics.robot import Robot, load_robot, make_robot
+from irsbot_msgs_py.convert import state_msg
+from irsbot_msgs_py.records import Cause, Level, SingularityState, unknown_state
+from irsbot_msgs_py.shell import run
+
+
+class KinematicsNode(Node):
+    """Serves one robot, named by the read-only parameter `robot`."""
+
+    def __init__(self) -> None:
+        super().__init__("kinematics")
+        described = ParameterDescriptor(description="preset name or YAML file of the robot", read_only=True)
+        name = self.declare_parameter("robot", "irsbot2", described).value
+        self._robot = load_robot(name) if name.endswith((".yaml", ".yml")) else make_robot(name)
+        self.create_service(SolveInverse, "~/inverse", self._inverse)
+        self.create_service(SolveDirect, "~/direct", self._direct)
+        self.create_service(EvaluateJoints, "~/evaluate", self._evaluate)
+        self.get_logger().info(f"kinematics of {self._robot.name} ready")
+
+    def _inverse(self, request: SolveInverse.Request, response: SolveInverse.Response) -> SolveInverse.Response:
+        answer = solve_inverse(self._robot, request.poses, tuple(request.working_mode))
+        response.joints, response.status = answer.joints, answer.status
+        response.reach, response.message = answer.reach, answer.message
+        return response
+
+    def _direct(self, request: SolveDirect.Request, response: SolveDirect.Response) -> SolveDirect.Response:
+        answer = solve_direct(self._robot, request.joints, request.assembly_mode, tuple(request.seed))
+        response.poses, response.status, response.gap = answer.poses, answer.status, answer.gap
+        response.assembly_mode, response.message = answer.assembly_mode, answer.message
+        return response
+
+    def _evaluate(self, request: EvaluateJoints.Request, response: EvaluateJoints.Response) -> EvaluateJoints.Response:
+        now_ns, seen_ns = self.get_clock().now().nanoseconds, time.monotonic_ns()
+        width = len(self._robot.mechanism.joints)
+        joints = tuple(request.joints)
+        if not joints or len(joints) % width:
+            response.message = f"joints must hold a multiple of {width} numbers, got {len(joints)}"
+            return response
+        rows = [joints[i : i + width] for i in range(0, len(joints), width)]
+        try:
+            states = [
+                evaluation(self._robot, row, request.assembly_mode or None, (now_ns, now_ns, seen_ns), number)
+                for number, row in enumerate(rows)
+            ]
+        except BadInput as error:
+            response.message = str(error)
+            return response
+        response.states = [state_msg(state) for state in states]
+        return response
+
+
+def evaluation(
+    robot: Robot, joints: tuple[float, ...], assembly_mode: int | None, times: tuple[int, int, int], sequence: int
+) -> SingularityState:
+    """Margins of one posture as a state, without limits (level OK) and without history (no outlook).
+
+    Raises BadInput for an assembly mode that the robot does not have.
+    """
+    mechanism = robot.mechanism
+    rest = (0.0,) * len(joints)
+    blank = unknown_state(
+        times, robot.name, sequence, Cause.NOT_ASSEMBLED, (joints, rest), (len(mechanism.task), mechanism.limb_count)
+    )
+    if not all(map(math.isfinite, joints)):
+        return blank._replace(causes=Cause.NONFINITE)
+    try:
+        found = robot.evaluate(joints, assembly_mode)
+    except NotAssembled:
+        return blank
+    return blank._replace(
+        level=Level.OK,
+        causes=Cause.NONE,
+        pose=found.pose,
+        working_mode=found.working_mode,
+        assembly_mode=found.assembly_mode,
+        type1_margin=found.type1_margin,
+        type2_margin=found.type2_margin,
+        constraint_margin=found.constraint_margin,
+        limb_margin=found.limb_margin,
+        clearance=found.clearance,
+        pressure_angle=found.pressure_angle,
+        reaction_max=found.reaction_max,
+        closure_residual=found.closure_residual,
+    )
+
+
+def main() -> None:
+    """Entry point of `ros2 run irsbot_kinematics kinematics_node`."""
+    sys.exit(run(KinematicsNode, usage_errors=(KinematicsError,)))
+
+
+if __name__ == "__main__":
+    main()

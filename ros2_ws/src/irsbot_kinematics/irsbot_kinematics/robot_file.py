@@ -1,0 +1,131 @@
+"""Robots as YAML: a topology, its lengths with their sources, and the modes it usually runs in.
+
+mechanism: irsbot2
+description: one line
+geometry:
+  l1: {value: 0.375, source: "where the number comes from"}    # or a list of numbers, where the topology has one
+usual: {working_mode: [1, -1], assembly_mode: -1}
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import MISSING, asdict, dataclass, fields
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from irsbot_kinematics.errors import BadInput, InvalidGeometry, UnknownRobot
+from irsbot_kinematics.mechanism import Mechanism
+from irsbot_kinematics.mechanisms import TOPOLOGIES
+
+Number = float | tuple[float, ...]
+_KEYS = {"mechanism", "description", "geometry", "usual"}
+
+
+@dataclass(frozen=True)
+class RobotFile:
+    """What a robot file says, checked; `mechanism` is built from it."""
+
+    name: str
+    description: str
+    sources: Mapping[str, str]
+    mechanism: Mechanism
+
+
+def preset_names() -> tuple[str, ...]:
+    """Names of the shipped robots, the topologies' defaults first."""
+    files = resources.files("irsbot_kinematics").joinpath("presets").iterdir()
+    names = {Path(file.name).stem for file in files if file.name.endswith(".yaml")}
+    return tuple(name for name in TOPOLOGIES if name in names) + tuple(sorted(names - set(TOPOLOGIES)))
+
+
+def read_robot(name_or_path: str | Path, overrides: Mapping[str, Any] | None = None) -> RobotFile:
+    """A shipped robot by name, or one from a YAML file; `overrides` replace single geometry numbers.
+
+    Raises UnknownRobot for a name that is neither, BadInput for a malformed file, InvalidGeometry for lengths that no
+    machine can have.
+    """
+    path = Path(name_or_path)
+    if path.suffix in (".yaml", ".yml"):
+        if not path.is_file():
+            raise UnknownRobot(str(name_or_path), preset_names())
+        try:
+            text, name, where = path.read_text(encoding="utf-8"), path.stem, str(path)
+        except (OSError, UnicodeDecodeError) as error:
+            raise BadInput(f"{path}: not YAML: {error}") from None
+    else:
+        name = where = str(name_or_path)
+        if name not in preset_names():
+            raise UnknownRobot(name, preset_names())
+        text = resources.files("irsbot_kinematics").joinpath(f"presets/{name}.yaml").read_text(encoding="utf-8")
+    return _parse(name, text, where, overrides or {})
+
+
+def fingerprint(mechanism: Mechanism) -> str:
+    """Short hash of topology and geometry: equal for equal machines, whatever their file is called."""
+    facts = {"mechanism": mechanism.kind, "geometry": asdict(mechanism.geometry)}
+    return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()[:12]
+
+
+def _parse(name: str, text: str, where: str, overrides: Mapping[str, Any]) -> RobotFile:
+    try:
+        said = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise BadInput(f"{where}: not YAML: {' '.join(str(error).split())}") from None
+    if not isinstance(said, dict) or not isinstance(said.get("geometry"), dict):
+        raise BadInput(f"{where}: expected a mapping with the keys {', '.join(sorted(_KEYS))}")
+    if unknown := set(said) - _KEYS:
+        raise BadInput(f"{where}: unknown key '{sorted(map(str, unknown))[0]}'; known are {', '.join(sorted(_KEYS))}")
+    kind = said.get("mechanism")
+    if not isinstance(kind, str) or kind not in TOPOLOGIES:
+        raise BadInput(f"{where}: mechanism is '{kind}'; known are {', '.join(TOPOLOGIES)}")
+    topology = TOPOLOGIES[kind]
+    numbers, sources = _numbers(said["geometry"], where)
+    known = [field.name for field in fields(topology.geometry)]
+    for key in (*numbers, *overrides):
+        if key not in known:
+            raise InvalidGeometry(f"{where}: {kind} has no '{key}'; it has {', '.join(known)}")
+    given = numbers | {key: _number(value, f"{where}: {key}") for key, value in overrides.items()}
+    if missing := [f.name for f in fields(topology.geometry) if f.name not in given and f.default is MISSING]:
+        raise InvalidGeometry(f"{where}: geometry lacks {', '.join(missing)}")
+    geometry = topology.geometry(**given)
+    mechanism = topology.mechanism(geometry)  # type: ignore[call-arg]
+    _set_usual(mechanism, said.get("usual", {}), where)
+    return RobotFile(name, str(said.get("description", "")), sources, mechanism)
+
+
+def _numbers(geometry: Mapping[str, Any], where: str) -> tuple[dict[str, Number], dict[str, str]]:
+    numbers, sources = {}, {}
+    for key, entry in geometry.items():
+        numbers[key] = _number(entry.get("value") if isinstance(entry, dict) else entry, f"{where}: geometry.{key}")
+        sources[key] = str(entry.get("source", "")) if isinstance(entry, dict) else ""
+    return numbers, sources
+
+
+def _number(value: Any, what: str) -> Number:
+    if isinstance(value, (list, tuple)):
+        if not any(isinstance(entry, (list, tuple)) for entry in value):
+            return tuple(float(_number(entry, what)) for entry in value)  # type: ignore[arg-type]
+    elif isinstance(value, (int, float)) and not isinstance(value, bool):
+        with suppress(OverflowError):
+            return float(value)
+    raise InvalidGeometry(f"{what} must be a number or a list of numbers in SI units, got {value!r}")
+
+
+def _set_usual(mechanism: Mechanism, usual: Any, where: str) -> None:
+    if not isinstance(usual, dict) or not set(usual) <= {"working_mode", "assembly_mode"}:
+        raise BadInput(f"{where}: usual is {usual!r}; it may hold working_mode and assembly_mode")
+    said = usual.get("working_mode", mechanism.usual_working_mode)
+    mode = tuple(said) if isinstance(said, (list, tuple)) else (said,)
+    assembly = usual.get("assembly_mode", mechanism.usual_assembly_mode)
+    if mode not in mechanism.working_modes:
+        raise BadInput(f"{where}: usual.working_mode {list(mode)} is not one of {mechanism.working_modes}")
+    if assembly not in mechanism.assembly_modes:
+        raise BadInput(f"{where}: usual.assembly_mode {assembly} is not one of {mechanism.assembly_modes}")
+    mechanism.usual_working_mode, mechanism.usual_assembly_mode = mode, assembly

@@ -1,0 +1,66 @@
+"""Random postures of any robot of the library: joints over their whole range, in every assembly mode."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from hypothesis import assume
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+import irsbot_kinematics as irs
+
+Array = NDArray[np.float64]
+
+NAMES = irs.robots()
+ROBOTS = {name: irs.make_robot(name) for name in NAMES}
+
+
+class Sample(NamedTuple):
+    """One posture that exists."""
+
+    q: Array
+    x: Array
+    assembly: int
+    at: irs.Posture
+
+
+def joint_range(robot: irs.Robot) -> tuple[Array, Array]:
+    """Angles over a whole turn, slides over their travel."""
+    lower = [max(joint.lower, -np.pi) if joint.is_angle else joint.lower for joint in robot.mechanism.joints]
+    upper = [min(joint.upper, np.pi) if joint.is_angle else joint.upper for joint in robot.mechanism.joints]
+    assert np.isfinite([*lower, *upper]).all()
+    return np.array(lower), np.array(upper)
+
+
+def random_joints(robot: irs.Robot, rng: np.random.Generator, number: int) -> Array:
+    lower, upper = joint_range(robot)
+    return rng.uniform(lower, upper, (number, len(lower)))
+
+
+@st.composite
+def samples(draw: st.DrawFn, robot: irs.Robot, *, type1: float = 1e-3, type2: float = 1e-3) -> Sample:
+    """A posture whose margins exceed the given ones."""
+    lower, upper = joint_range(robot)
+    share = st.floats(0.001, 0.999)
+    q = lower + (upper - lower) * np.array([draw(share) for _ in lower])
+    assembly = draw(st.sampled_from(robot.mechanism.assembly_modes))
+    at = robot.mechanism.posture(tuple(q.tolist()), assembly)
+    assume(at.status == irs.Status.SOLVED)
+    assume(min(at.type1) > type1 and at.type2 > type2)
+    return Sample(q, np.array(at.pose), assembly, at)
+
+
+def vectors(size: int, largest: float) -> st.SearchStrategy[Array]:
+    return st.lists(st.floats(-largest, largest, allow_subnormal=False), min_size=size, max_size=size).map(np.array)
+
+
+def apart(robot: irs.Robot, a: Array, b: Array, *, joints: bool = False) -> Array:
+    """|a - b| per coordinate, angles modulo a whole turn."""
+    coordinates = robot.mechanism.joints if joints else robot.mechanism.task
+    difference = np.abs(np.asarray(a) - np.asarray(b))
+    for i, coordinate in enumerate(coordinates):
+        if coordinate.is_angle:
+            difference[..., i] = np.abs(np.remainder(difference[..., i] + np.pi, 2 * np.pi) - np.pi)
+    return difference
