@@ -1,0 +1,1 @@
+"""Singularity supervision of parallel robots: decision core, simulated joints, tape, replay, nodes, command line."""

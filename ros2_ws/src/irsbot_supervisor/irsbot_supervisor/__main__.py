@@ -1,0 +1,5 @@
+"""`python -m irsbot_supervisor` is the command line `irsbot`."""
+
+from irsbot_supervisor.cli.app import main
+
+main()

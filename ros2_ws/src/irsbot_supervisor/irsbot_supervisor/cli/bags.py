@@ -1,0 +1,81 @@
+"""`info` and `salvage`: what is in a bag, and what can be saved of a damaged one."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+
+from irsbot_supervisor.cli.common import Failed, existing, out, print_json
+from irsbot_supervisor.mcap_reader import Loss
+from irsbot_supervisor.salvage import salvage as salvage_bag
+from irsbot_supervisor.tape import Tape
+
+Bag = Annotated[Path, typer.Argument(help="bag folder or .mcap file, damaged or not")]
+AsJson = Annotated[bool, typer.Option("--json", help="print JSON")]
+
+
+def info(bag: Bag, as_json: AsJson = False) -> None:
+    """Topics, messages, time span, configuration and damage of a bag.
+
+    Example: irsbot info runs/demo/bag
+    """
+    facts = _facts(existing(bag, "the bag"))
+    if as_json:
+        print_json(facts)
+        return
+    table = Table("topic", "type", "messages")
+    for topic in facts["topics"]:
+        table.add_row(topic["name"], topic["type"], str(topic["messages"]))
+    out.print(table)
+    out.print(f"{facts['messages']} messages in {facts['duration_s']:.3f} s, {facts['bytes']} bytes")
+    out.print(f"configuration {facts['config_hash'] or 'not recorded'}")
+    out.print(f"damage: {facts['loss']['text']}", markup=False)
+
+
+def salvage(
+    bag: Bag,
+    output: Annotated[Path, typer.Option("--output", "-o", help="new bag folder, or new file ending in .mcap")],
+    as_json: AsJson = False,
+) -> None:
+    """Write everything that can be trusted of a damaged bag as a new bag. Exit code 1 if something was lost.
+
+    Example: irsbot salvage runs/killed/bag -o runs/saved
+    """
+    saved = salvage_bag(existing(bag, "the bag"), output)
+    if as_json:
+        print_json({"output": output, "messages": saved.messages, "loss": _loss(saved.loss)})
+    else:
+        out.print(f"{saved.messages} messages written to {output}", markup=False)
+    if saved.loss:
+        raise Failed(f"'{bag}': {saved.loss}")
+
+
+def _facts(bag: Path) -> dict[str, Any]:
+    with Tape(bag) as tape:
+        counts: Counter[str] = Counter()
+        first_ns = last_ns = None
+        for message in tape.messages():
+            counts[message.topic] += 1
+            first_ns = message.log_ns if first_ns is None else min(first_ns, message.log_ns)
+            last_ns = message.log_ns if last_ns is None else max(last_ns, message.log_ns)
+        said = [record.metadata for reader in tape.readers for record in reader.metadata]
+        return {
+            "bag": bag,
+            "files": [reader.path for reader in tape.readers],
+            "bytes": sum(reader.path.stat().st_size for reader in tape.readers),
+            "messages": counts.total(),
+            "start_ns": first_ns,
+            "duration_s": (last_ns - first_ns) / 1e9 if first_ns is not None and last_ns is not None else 0.0,
+            "topics": [{"name": t.name, "type": t.type, "messages": counts[t.name]} for t in tape.topics()],
+            "config_hash": next((entry["config_hash"] for entry in reversed(said) if "config_hash" in entry), None),
+            "loss": _loss(tape.loss),
+        }
+
+
+def _loss(loss: Loss) -> dict[str, Any]:
+    return {**asdict(loss), "text": str(loss)}

@@ -1,0 +1,100 @@
+"""What all commands share: how they print, how they refuse, how they read numbers and robots."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Sequence
+from enum import Enum
+from pathlib import Path
+from typing import Any, NoReturn
+
+import typer
+from rich.console import Console
+
+from irsbot_kinematics import BadInput, Robot
+from irsbot_supervisor.settings_file import robot_of
+
+out = Console(highlight=False, soft_wrap=True, markup=False)
+"""For results."""
+
+err = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
+"""For progress and refusals."""
+
+NUMBERS = {"ignore_unknown_options": True}
+"""Context settings of commands whose arguments may be negative numbers."""
+
+
+class Failed(Exception):
+    """The checked thing failed: exit code 1, the message on stderr."""
+
+
+def refuse(text: str) -> NoReturn:
+    """End with exit code 2 and one line that says what is wrong and what would be right."""
+    err.print(f"irsbot: {text}")
+    raise typer.Exit(2)
+
+
+def numbers(values: Sequence[str], what: str, count: int) -> tuple[float, ...]:
+    """Floats from the command line. Raises BadInput."""
+    if len(values) != count:
+        raise BadInput(f"{what} must be {count} numbers, got {len(values)}")
+    try:
+        parsed = tuple(float(value) for value in values)
+    except ValueError:
+        wrong = next(value for value in values if not _is_number(value))
+        raise BadInput(f"{what} must be numbers, got '{wrong}'") from None
+    if not all(map(math.isfinite, parsed)):
+        raise BadInput(f"{what} must be finite, got {' '.join(values)}")
+    return parsed
+
+
+def signs(text: str) -> tuple[int, ...]:
+    """A working mode such as `+-`. Raises BadInput."""
+    if not text or set(text) - {"+", "-"}:
+        raise BadInput(f"a mode is a row of + and -, one per leg, such as +-; got '{text}'")
+    return tuple(1 if sign == "+" else -1 for sign in text)
+
+
+def sign_text(mode: Sequence[int]) -> str:
+    """A working mode as people write it."""
+    return "".join("+" if sign > 0 else "-" if sign < 0 else "0" for sign in mode)
+
+
+def robot_named(name: str) -> Robot:
+    """A preset or YAML file. Raises UnknownRobot, BadInput, InvalidGeometry."""
+    return robot_of(name)
+
+
+def print_json(value: Any) -> None:
+    """JSON on stdout; NaN and infinite numbers, which JSON does not have, become null."""
+    out.print(json.dumps(_plain(value), indent=2, allow_nan=False))
+
+
+def existing(path: Path, what: str) -> Path:
+    """A path that must be there. Raises BadInput."""
+    if not path.exists():
+        raise BadInput(f"{what} '{path}' does not exist")
+    return path
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(key): _plain(entry) for key, entry in value.items()}
+    if hasattr(value, "tolist"):
+        return _plain(value.tolist())
+    if isinstance(value, (list, tuple)):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, Enum):
+        return value.name
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return str(value) if isinstance(value, Path) else value
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

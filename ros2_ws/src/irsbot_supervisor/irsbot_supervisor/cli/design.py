@@ -1,0 +1,290 @@
+"""`design`: the design space of the IRSBot-2 from the shell."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict
+from math import degrees, radians
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+import yaml
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from irsbot_kinematics import BadInput
+from irsbot_kinematics import design as space
+from irsbot_kinematics.design import PARAMETERS, ZONES, Limits, Plan, Range
+from irsbot_kinematics.design.search import RANGES, Found, NoDesign, Task, judge, search
+from irsbot_kinematics.design.sweep import Columns
+from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2Geometry
+from irsbot_kinematics.robot_file import read_robot
+from irsbot_supervisor.cli import design_facts as facts
+from irsbot_supervisor.cli import design_tables as tables
+from irsbot_supervisor.cli.common import Failed, err, existing, numbers, out, print_json, sign_text, signs
+from irsbot_supervisor.column_stream import write_chunks
+
+app = typer.Typer(
+    help="Design space of the IRSBot-2: which lengths are free of which singularities, and why.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+
+RobotName = Annotated[str, typer.Argument(help="preset name (see `irsbot robots`) or YAML file of an irsbot2")]
+Set = Annotated[list[str] | None, typer.Option("--set", help="replace a number, such as b=0.2 or beta=30deg")]
+Vary = Annotated[list[str] | None, typer.Option("--vary", help="parameter=low:high[:steps], beta also in deg")]
+AsJson = Annotated[bool, typer.Option("--json", help="print JSON")]
+Picture = Annotated[Path | None, typer.Option("-o", "--output", help="draw it: .png, .svg or .pdf")]
+Zone = Annotated[str, typer.Option(help=f"zone to judge by: {', '.join(ZONES)}")]
+
+
+@app.command()
+def check(
+    robot: RobotName,
+    zone: Zone = "strict",
+    mode: Annotated[str | None, typer.Option(help="judge one working mode alone, such as +-")] = None,
+    below: Annotated[bool, typer.Option("--below", help="with --mode: only below the line through the motors")] = False,
+    set_: Set = None,
+    as_json: AsJson = False,
+) -> None:
+    """Is a design free of singularities: of which, why, and what would have to move. Exit code 1 if it is not.
+
+    Example: irsbot design check irsbot2 --mode +- --below
+    """
+    name, g = _design(robot, set_)
+    if below and mode is None:
+        raise BadInput("--below needs --mode: it judges one working mode")
+    verdict, nearest = space.check(g, zone), space.moves(g, zone)
+    working_mode = signs(mode) if mode is not None else None
+    if working_mode is not None and working_mode not in facts.MODES:
+        raise BadInput(f"modes are {', '.join(map(sign_text, facts.MODES))}, got '{mode}'")
+    free = verdict.free if working_mode is None else verdict.free_in(working_mode, True if below else None)
+    asked = tables.asked_for(zone, working_mode, below)
+    if as_json:
+        print_json({"robot": name, "asked": asked, "free": free, **facts.verdict_facts(g, verdict, nearest)})
+    else:
+        out.print(f"{name}: {'free' if free else 'NOT free'} ({asked})")
+        for table in tables.verdict_tables(verdict, nearest):
+            out.print(table)
+    if not free:
+        failed = ", ".join(finding.name for finding in verdict.failed())
+        raise Failed(f"{name} is not free ({asked})" + (f": {failed}" if working_mode is None else ""))
+
+
+@app.command()
+def cells(robot: RobotName, set_: Set = None, output: Picture = None, as_json: AsJson = False) -> None:
+    """Tables 1 to 3: the cells of p and l2eq around a design, and the singular postures in each.
+
+    Example: irsbot design cells irsbot2 --set p=0.01 -o cells.png
+    """
+    name, g = _design(robot, set_)
+    found = space.cells(g)
+    if output:
+        from irsbot_supervisor.pictures.design import draw_cells
+
+        draw_cells(g, _picture(output))
+    if as_json:
+        print_json({"robot": name, "geometry": asdict(g), **facts.cells_facts(found)})
+        return
+    for table in tables.cells_tables(found):
+        out.print(table)
+    _tell(output)
+
+
+@app.command()
+def zones(robot: RobotName, set_: Set = None, output: Picture = None, as_json: AsJson = False) -> None:
+    """Zones of the {l1, b} plane for the distal lengths of a design: bounds, exact against printed, and a picture.
+
+    Example: irsbot design zones irsbot2_csc -o zones.png
+    """
+    name, g = _design(robot, set_)
+    if output:
+        from irsbot_supervisor.pictures.design import draw_zones
+
+        draw_zones(g, _picture(output))
+    if as_json:
+        print_json({"robot": name, "geometry": asdict(g), **facts.zones_facts(g)})
+        return
+    for table in tables.zones_tables(g):
+        out.print(table)
+    _tell(output)
+
+
+@app.command()
+def postures(robot: RobotName, set_: Set = None, output: Picture = None, as_json: AsJson = False) -> None:
+    """All constraint-singular postures of a design: angles, gained motion, and where its arms hold them.
+
+    Example: irsbot design postures irsbot2_csc -o postures.png
+    """
+    name, g = _design(robot, set_)
+    found = space.singular_postures(g)
+    if output:
+        if not found:
+            raise Failed(f"{name} has no constraint-singular posture: nothing to draw")
+        from irsbot_supervisor.pictures.design import draw_postures
+
+        draw_postures(g, found, _picture(output))
+    if as_json:
+        print_json({"robot": name, "geometry": asdict(g), "postures": [facts.posture_facts(g, one) for one in found]})
+        return
+    out.print(tables.postures_table(g, found))
+    _tell(output)
+
+
+@app.command()
+def sweep(
+    output: Annotated[Path, typer.Option("-o", "--output", help="table to write: .parquet or .csv")],
+    vary: Vary = None,
+    robot: Annotated[str, typer.Argument(help="design that gives the numbers that are not varied")] = "irsbot2",
+    samples: Annotated[int | None, typer.Option(help="random designs in Latin hypercubes; a grid if left out")] = None,
+    seed: Annotated[int, typer.Option(help="of the random designs")] = 0,
+    set_: Set = None,
+    as_json: AsJson = False,
+) -> None:
+    """Judge many designs: a grid, or Latin hypercubes, over ranges of the parameters. One row per design.
+
+    Example: irsbot design sweep --vary l1=0.1:0.5 --vary beta=5deg:60deg --samples 100000 -o designs.parquet
+    """
+    _, g = _design(robot, set_)
+    ranges = {name: Range(getattr(g, name), getattr(g, name)) for name in PARAMETERS}
+    if not vary:
+        raise BadInput("nothing to vary; give --vary name=low:high, or name=low:high:steps for a grid")
+    for name, entries in _pairs(vary):
+        bounds = entries.split(":")
+        if len(bounds) not in (2, 3) or (samples is None and len(bounds) == 2):
+            wanted = "low:high" if samples is not None else "low:high:steps"
+            raise BadInput(f"--vary {name} must be {wanted}, got '{entries}'")
+        steps = numbers([bounds[2]], "steps", 1)[0] if len(bounds) == 3 else 1.0
+        if not steps.is_integer():
+            raise BadInput(f"steps must be a whole number, got {bounds[2]}")
+        ranges[name] = Range(_quantity(name, bounds[0]), _quantity(name, bounds[1]), int(steps))
+    plan = Plan(ranges, samples, seed)
+    totals: dict[str, int] = {}
+    write_chunks(output, _watched(plan, totals))
+    summary = {"designs": len(plan), **totals, "output": output}
+    if as_json:
+        print_json(summary)
+    else:
+        out.print(tables.sweep_table(summary))
+
+
+@app.command("search")
+def search_(
+    size: Annotated[float, typer.Option(help="m: l1 + l2eq, kept fixed")] = 1.0,
+    slack: Annotated[float, typer.Option(help="m by which every inequality of the zone has to hold")] = Task.slack,
+    zone: Zone = "strict",
+    type1: Annotated[float, typer.Option(help="smallest Type 1 margin of a useful pose")] = Limits().type1,
+    type2: Annotated[float, typer.Option(help="smallest Type 2 margin of a useful pose")] = Limits().type2,
+    constraint: Annotated[
+        float, typer.Option(help="smallest constraint margin of a useful pose")
+    ] = Limits().constraint,
+    vary: Annotated[list[str] | None, typer.Option(help="parameter=low:high, lengths as parts of the size")] = None,
+    compare: Annotated[str, typer.Option(help="design to compare with, scaled to the size")] = "irsbot2_strict",
+    seed: Annotated[int, typer.Option(help="of the search")] = 0,
+    generations: Annotated[int, typer.Option(help="of the search")] = Task.generations,
+    population: Annotated[int, typer.Option(help="designs per parameter and generation")] = Task.population,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="write the design as a robot file")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Search for the design in a zone with the largest useful rectangle, symmetric and below the base, usual mode.
+
+    Example: irsbot design search --slack 0.02 -o free.yaml
+    """
+    ranges = dict(RANGES)
+    for name, entries in _pairs(vary or []):
+        bounds = entries.split(":")
+        if name not in RANGES or len(bounds) != 2:
+            raise BadInput(f"--vary must be {'|'.join(RANGES)}=low:high, got '{name}={entries}'")
+        ranges[name] = (_quantity(name, bounds[0]), _quantity(name, bounds[1]))
+    limits = Limits(type1, type2, constraint)
+    task = Task(size, slack, zone, limits, ranges, seed, population, generations)
+    other_name, other = _design(compare, None)
+    try:
+        with _bar() as progress:
+            bar = progress.add_task("generation", total=generations)
+            found = search(task, lambda at, best: progress.update(bar, completed=at, description=f"{best:.4f} m2"))
+    except NoDesign as error:
+        raise Failed(str(error)) from None
+    reference = judge(_scaled(other, size / (other.l1 + other.l2eq)), task)
+    if output:
+        output.write_text(_robot_text(found, task), encoding="utf-8")
+    if as_json:
+        print_json(
+            {"found": facts.found_facts(found), other_name: facts.found_facts(reference), "limits": limits._asdict()}
+        )
+        return
+    out.print(tables.found_table({"found": found, f"{other_name}, scaled": reference}))
+    _tell(output)
+
+
+def _design(robot: str, replaced: list[str] | None) -> tuple[str, Irsbot2Geometry]:
+    """Name and geometry of an irsbot2. Raises BadInput for another mechanism."""
+    read = read_robot(robot, {name: _quantity(name, value) for name, value in _pairs(replaced or [])})
+    g = read.mechanism.geometry
+    if not isinstance(g, Irsbot2Geometry):
+        raise BadInput(f"the design space is that of the irsbot2; '{robot}' is a {read.mechanism.kind}")
+    return read.name, g
+
+
+def _pairs(entries: list[str]) -> Iterator[tuple[str, str]]:
+    for entry in entries:
+        name, equals, value = entry.partition("=")
+        if not equals or name not in (*PARAMETERS, "e"):
+            raise BadInput(f"'{entry}' must be name=value with a name of {', '.join((*PARAMETERS, 'e'))}")
+        yield name, value
+
+
+def _quantity(name: str, text: str) -> float:
+    """m, or for beta rad or, with the suffix, deg."""
+    if name == "beta" and text.endswith("deg"):
+        return radians(numbers([text[:-3]], name, 1)[0])
+    return numbers([text], name, 1)[0]
+
+
+def _picture(path: Path) -> Path:
+    if path.suffix not in (".png", ".svg", ".pdf"):
+        raise BadInput(f"cannot draw '{path}': the suffix must be .png, .svg or .pdf")
+    existing(path.parent, "the folder")
+    return path
+
+
+def _tell(path: Path | None) -> None:
+    if path:
+        out.print(f"written: {path}", markup=False)
+
+
+def _bar() -> Progress:
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=err,
+        transient=True,
+    )
+
+
+def _watched(plan: Plan, totals: dict[str, int]) -> Iterator[Columns]:
+    """The chunks of a sweep, with a progress bar and running totals of what people ask for first."""
+    with _bar() as progress:
+        bar = progress.add_task("designs", total=len(plan))
+        for chunk in space.sweep(plan):
+            for name in ("valid", "distal_free", *(f"zone_{zone}" for zone in ZONES)):
+                totals[name] = totals.get(name, 0) + int(chunk[name].sum())
+            yield chunk
+            progress.advance(bar, len(chunk["valid"]))
+
+
+def _scaled(g: Irsbot2Geometry, factor: float) -> Irsbot2Geometry:
+    return Irsbot2Geometry(**{name: value if name == "beta" else value * factor for name, value in asdict(g).items()})
+
+
+def _robot_text(found: Found, task: Task) -> str:
+    source = f"ours: irsbot design search, zone {task.zone}, slack {task.slack:g} m, seed {task.seed}"
+    said: dict[str, Any] = {
+        "mechanism": "irsbot2",
+        "description": f"found by search in zone {task.zone}, beta {degrees(found.geometry.beta):.4g} deg",
+        "geometry": {name: {"value": value, "source": source} for name, value in asdict(found.geometry).items()},
+        "usual": {"working_mode": [1, -1], "assembly_mode": -1},
+    }
+    return yaml.safe_dump(said, sort_keys=False)

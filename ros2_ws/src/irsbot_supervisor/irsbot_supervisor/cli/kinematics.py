@@ -1,0 +1,141 @@
+"""`ik`, `dk`, `evaluate`, `robots`: the library from the shell."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+from rich.table import Table
+
+from irsbot_kinematics import NotAssembled, Robot, Unreachable, make_robot, robots
+from irsbot_kinematics.mechanism import Coordinate
+from irsbot_supervisor.cli.common import Failed, existing, numbers, out, print_json, robot_named, sign_text, signs
+
+RobotName = Annotated[str, typer.Argument(help="preset name (see `irsbot robots`) or YAML file")]
+AsJson = Annotated[bool, typer.Option("--json", help="print JSON")]
+
+
+def list_robots(as_json: AsJson = False) -> None:
+    """The shipped robots.
+
+    Example: irsbot robots
+    """
+    rows = [{"name": name, "description": make_robot(name).description} for name in robots()]
+    if as_json:
+        print_json(rows)
+        return
+    table = Table("robot", "description")
+    for row in rows:
+        table.add_row(row["name"], row["description"])
+    out.print(table)
+
+
+def inverse(
+    robot: RobotName,
+    pose: Annotated[list[str], typer.Argument(help="task coordinates, m and rad")],
+    mode: Annotated[str | None, typer.Option(help="working mode, one sign per leg; all modes if left out")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Joint positions of a pose: in one working mode, or in all.
+
+    Example: irsbot ik irsbot2 0.3 -0.75 --mode +-
+    """
+    machine = robot_named(robot)
+    x = numbers(pose, "the pose", len(machine.mechanism.task))
+    modes = [signs(mode)] if mode is not None else list(machine.mechanism.working_modes)
+    solutions, refusals = [], []
+    for working_mode in modes:
+        try:
+            q = machine.inverse(x, working_mode)
+        except Unreachable as error:
+            refusals.append(error)
+        else:
+            solutions.append({"working_mode": list(working_mode), "joints": q.tolist()})
+    if as_json:
+        reach = max((error.reach_m for error in refusals), default=None)
+        print_json({"robot": machine.name, "pose": x, "solutions": solutions, "reach_m": reach})
+    if not solutions:
+        raise Failed(str(max(refusals, key=lambda error: error.reach_m)))
+    if not as_json:
+        _print_solutions(machine.mechanism.joints, solutions)
+
+
+def direct(
+    robot: RobotName,
+    joints: Annotated[list[str], typer.Argument(help="joint positions, rad or m")],
+    assembly: Annotated[int | None, typer.Option(help="assembly mode; all modes if left out")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Poses of joint positions: in one assembly mode, or in all, with their margins.
+
+    Example: irsbot dk irsbot2 2.544 -0.19 --assembly -1
+    """
+    machine = robot_named(robot)
+    q = numbers(joints, "the joints", len(machine.mechanism.joints))
+    modes = [assembly] if assembly is not None else list(machine.mechanism.assembly_modes)
+    found, refusals = [], []
+    for assembly_mode in modes:
+        try:
+            found.append(asdict(machine.evaluate(q, assembly_mode)))
+        except NotAssembled as error:
+            refusals.append(error)
+    if as_json:
+        print_json({"robot": machine.name, "joints": q, "solutions": found})
+    if not found:
+        raise Failed(str(refusals[0]))
+    if not as_json:
+        _print_evaluations(machine, found)
+
+
+def evaluate(
+    robot: RobotName,
+    source: Annotated[Path, typer.Option("--input", help="CSV with one column per joint, or an MCAP bag")],
+    target: Annotated[Path, typer.Option("--output", help="CSV or Parquet file to write")],
+    assembly: Annotated[int | None, typer.Option(help="assembly mode; the usual one if left out")] = None,
+) -> None:
+    """Margins of many joint samples at once.
+
+    Example: irsbot evaluate irsbot2 --input joints.csv --output margins.csv
+    """
+    from irsbot_supervisor.columns import read_joint_columns, write_columns  # polars takes its time to load
+
+    machine = robot_named(robot)
+    names = [joint.name for joint in machine.mechanism.joints]
+    joints, times = read_joint_columns(existing(source, "the input"), names)
+    found = machine.evaluate_many(joints, assembly)
+    columns: dict[str, Any] = {"time_s": times} if times is not None else {}
+    columns |= {name: joints[:, i] for i, name in enumerate(names)}
+    columns |= {coordinate.name: found.pose[:, i] for i, coordinate in enumerate(machine.mechanism.task)}
+    columns |= {f"type1_margin_{i + 1}": column for i, column in enumerate(found.type1_margin.T)}
+    columns |= {"type2_margin": found.type2_margin, "constraint_margin": found.constraint_margin}
+    columns |= {f"limb_margin_{i + 1}": column for i, column in enumerate(found.limb_margin.T)}
+    columns |= {f"pressure_angle_{i + 1}": column for i, column in enumerate(found.pressure_angle.T)}
+    columns |= {"reach_m": found.reach, "status": found.status}
+    write_columns(target, columns)
+    solved = int(np.count_nonzero(found.status == 0))
+    out.print(f"{len(joints)} samples, {solved} assembled, written to {target}")
+
+
+def _print_solutions(joints: tuple[Coordinate, ...], solutions: list[dict[str, Any]]) -> None:
+    table = Table("working mode", *[f"{joint.name} [{joint.unit}]" for joint in joints])
+    table.columns[0].justify = "center"
+    for solution in solutions:
+        table.add_row(sign_text(solution["working_mode"]), *[f"{value:.9f}" for value in solution["joints"]])
+    out.print(table)
+
+
+def _print_evaluations(machine: Robot, found: list[dict[str, Any]]) -> None:
+    table = Table("", *[f"assembly mode {entry['assembly_mode']:+d}" for entry in found])
+    for i, coordinate in enumerate(machine.mechanism.task):
+        table.add_row(f"{coordinate.name} [{coordinate.unit}]", *[f"{entry['pose'][i]:.9f}" for entry in found])
+    table.add_row("working mode", *[sign_text(entry["working_mode"]) for entry in found])
+    for name in ("type1_margin", "type2_margin", "constraint_margin", "limb_margin", "clearance", "pressure_angle"):
+        table.add_row(name.replace("_", " "), *[_short(entry[name]) for entry in found])
+    out.print(table)
+
+
+def _short(value: Any) -> str:
+    return ", ".join(f"{v:.6g}" for v in value) if isinstance(value, tuple) else f"{value:.6g}"

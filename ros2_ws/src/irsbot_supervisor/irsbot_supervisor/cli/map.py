@@ -1,0 +1,115 @@
+"""`map`: margins over the workspace, as numbers and as a picture."""
+
+from __future__ import annotations
+
+from math import pi
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from irsbot_kinematics import BadInput, Robot
+from irsbot_kinematics.design.rectangle import Limits
+from irsbot_kinematics.maps import (
+    QUANTITIES,
+    Box,
+    Locus,
+    Map,
+    constraint_points,
+    free_rectangle,
+    joint_map,
+    loci,
+    reachable_box,
+    workspace_map,
+)
+from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2
+from irsbot_kinematics.mechanisms.planar_pair import PlanarPair
+from irsbot_supervisor.cli.common import out, print_json, robot_named, sign_text, signs
+
+TURN = (-pi, pi)
+"""rad: one turn of a crank, the default range of a joint map."""
+
+
+def draw(
+    robot: Annotated[str, typer.Argument(help="preset name or YAML file")],
+    what: Annotated[str, typer.Option(help=f"one of {', '.join(QUANTITIES)}")] = "type2",
+    target: Annotated[Path, typer.Option("-o", "--output", help=".png for a picture, .npz for the numbers")] = Path(
+        "map.png"
+    ),
+    mode: Annotated[str | None, typer.Option(help="working mode; the usual one if left out")] = None,
+    box: Annotated[
+        tuple[float, float, float, float] | None, typer.Option(help="ranges of the first two coordinates, m")
+    ] = None,
+    joint_space: Annotated[
+        bool, typer.Option("--joints", help="over the first two joints, usual assembly mode")
+    ] = False,
+    at: Annotated[list[float] | None, typer.Option(help="the other task coordinates; once for each")] = None,
+    nodes: Annotated[int, typer.Option(help="nodes of the grid along each axis", min=2, max=4000)] = 400,
+    as_json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
+) -> None:
+    """Map a margin over the workspace of one working mode, with loci, constraint points and the free rectangle.
+
+    Example: irsbot map irsbot2_beta45 --what type2 -o map.png
+    """
+    if what not in QUANTITIES:
+        raise BadInput(f"--what is '{what}', must be one of {', '.join(QUANTITIES)}")
+    if target.suffix not in (".png", ".npz"):
+        raise BadInput(f"cannot write '{target}': the suffix must be .png or .npz")
+    machine = robot_named(robot)
+    mechanism = machine.mechanism
+    working_mode = signs(mode) if mode is not None else mechanism.usual_working_mode
+    if working_mode not in mechanism.working_modes:
+        raise BadInput(f"working mode {sign_text(working_mode)} has {len(working_mode)} signs, {robot} has other modes")
+    others = tuple(at or ())
+    if joint_space:
+        _draw_joints(machine, what, Box(*((box[:2], box[2:]) if box else (TURN, TURN)), others), nodes, target)
+        return
+    ranges = Box(box[:2], box[2:], others) if box is not None else reachable_box(mechanism, others)
+    found = workspace_map(mechanism, working_mode, ranges, (nodes, nodes))
+    curves: tuple[Locus, ...] = ()
+    rectangle = None
+    if isinstance(mechanism, PlanarPair):
+        curves = loci(mechanism, working_mode)
+        if working_mode[0] == -working_mode[1]:
+            rectangle = free_rectangle(mechanism, Limits(0.0, 0.0, 0.0), working_mode)
+    points = constraint_points(mechanism, working_mode) if isinstance(mechanism, Irsbot2) else np.empty((0, 2))
+    if target.suffix == ".npz":
+        np.savez_compressed(
+            target, **{name: getattr(found, name) for name in ("first", "second", *QUANTITIES, "assembly")}
+        )
+    else:
+        from irsbot_supervisor.pictures.map import draw_map  # matplotlib takes a second to load
+
+        title = f"{machine.name}, working mode {sign_text(working_mode)}: {what}"
+        draw_map(found, what, title, curves, points, rectangle, target)
+    area = f"{found.area:.4f} m2"
+    if as_json:
+        rows = {"reached_area": found.area, "constraint_points": points, "file": target}
+        print_json(rows | ({"free_rectangle": rectangle._asdict(), "free_area": rectangle.area} if rectangle else {}))
+        return
+    out.print(f"reached in mode {sign_text(working_mode)}: {area}; constraint singularities: {len(points)}")
+    if rectangle is not None:
+        size = f"|x| <= {rectangle.half_width:.4f}, {rectangle.z_low:.4f} <= z <= {rectangle.z_high:.4f}"
+        out.print(f"largest free rectangle below the base: {size}, {rectangle.area:.4f} m2")
+    out.print(f"written to {target}")
+
+
+def _draw_joints(machine: Robot, what: str, ranges: Box, nodes: int, target: Path) -> None:
+    assembly = machine.mechanism.usual_assembly_mode
+    found = joint_map(machine.mechanism, assembly, ranges, (nodes, nodes))
+    if target.suffix == ".npz":
+        _save(found, target)
+    else:
+        from irsbot_supervisor.pictures.map import draw_map  # matplotlib takes a second to load
+
+        title = f"{machine.name}, assembly mode {assembly:+d}: {what}"
+        draw_map(found, what, title, (), np.empty((0, 2)), None, target)
+    share = float(np.isfinite(found.type1).mean())
+    out.print(f"assembled in mode {assembly:+d}: {share:.1%} of the map")
+    out.print(f"written to {target}")
+
+
+def _save(found: Map, target: Path) -> None:
+    columns = ("first", "second", *QUANTITIES, "assembly")
+    np.savez_compressed(target, **{name: getattr(found, name) for name in columns})

@@ -1,0 +1,86 @@
+"""`replay`: a recorded run judged again from its bag; for CI with an expectation file and a JUnit report."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from irsbot_supervisor.cli.common import Failed, existing, out, print_json
+from irsbot_supervisor.core.intake import S
+from irsbot_supervisor.replay import Judged, cause_names, judge_again, read_recording
+from irsbot_supervisor.verify import Check, against_recording, against_story, read_story
+
+
+def replay(
+    bag: Annotated[Path, typer.Argument(help="MCAP file, or a folder with one")],
+    expect: Annotated[Path | None, typer.Option(help="expectation file; expected.json beside the bag if there")] = None,
+    junit: Annotated[Path | None, typer.Option(help="write a JUnit report here")] = None,
+    robot: Annotated[str, typer.Option(help="for bags without a supervisor: preset or YAML file")] = "irsbot2",
+    as_json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
+) -> None:
+    """Judge a recorded run again, from the bag alone. Exit code 1 and the first difference if a verdict differs.
+
+    Example: irsbot replay bags/type2 --junit report.xml
+    """
+    recording = read_recording(existing(bag, "the bag"))
+    judged = judge_again(recording, robot)
+    checks = against_recording(recording, judged)
+    beside = bag / "expected.json" if bag.is_dir() else bag.with_name("expected.json")
+    story = expect or (beside if beside.is_file() else None)
+    if story is not None:
+        checks.append(against_story(judged, read_story(story)))
+    if junit is not None:
+        write_junit(junit, bag.stem, checks)
+    if as_json:
+        print_json({"bag": bag, "chapters": _rows(judged), "checks": [check._asdict() for check in checks]})
+    else:
+        _print(judged, checks, recording.loss)
+    if broken := [check for check in checks if check.faults]:
+        raise Failed(f"{broken[0].name}: {len(broken[0].faults)} difference(s), the first: {broken[0].faults[0]}")
+
+
+def write_junit(path: Path, name: str, checks: list[Check]) -> None:
+    """One test case per check, as CI systems read them."""
+    failures = sum(bool(check.faults) for check in checks)
+    suite = ElementTree.Element("testsuite", name=name, tests=str(len(checks)), failures=str(failures))
+    for check in checks:
+        case = ElementTree.SubElement(suite, "testcase", classname="irsbot.replay", name=check.name)
+        if check.faults:
+            ElementTree.SubElement(case, "failure", message=check.faults[0]).text = "\n".join(check.faults)
+    ElementTree.ElementTree(suite).write(path, encoding="unicode", xml_declaration=True)
+
+
+def _rows(judged: Judged) -> list[dict[str, object]]:
+    begin = judged.chapters[0].since_ns if judged.chapters else 0
+    return [
+        {
+            "time_s": (chapter.since_ns - begin) / S,
+            "level": chapter.level.name,
+            "causes": cause_names(chapter.causes),
+            "latched": chapter.latched,
+            "event": chapter.event,
+            "text": chapter.text,
+        }
+        for chapter in judged.chapters
+    ]
+
+
+def _print(judged: Judged, checks: list[Check], loss: str) -> None:
+    table = Table("time [s]", "level", "causes", "finding")
+    for row in _rows(judged):
+        table.add_row(f"{row['time_s']:.3f}", str(row["level"]), str(row["causes"]), str(row["text"]))
+    out.print(table)
+    if loss:
+        out.print(f"the bag is damaged: {loss}")
+    counts = f"{len(judged.levels)} samples judged again"
+    if judged.unseen:
+        counts += f", {judged.unseen} in the bag never reached the supervisor"
+    if judged.missing:
+        counts += f", {judged.missing} that it saw are not in the bag"
+    out.print(counts)
+    for check in checks:
+        out.print(f"{check.name}: {'same' if not check.faults else f'{len(check.faults)} difference(s)'}")

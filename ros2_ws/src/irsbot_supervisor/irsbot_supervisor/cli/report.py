@@ -1,0 +1,79 @@
+"""`report`: a recorded run as one self-contained page."""
+
+from __future__ import annotations
+
+import base64
+import tempfile
+from html import escape
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from irsbot_kinematics import BadInput
+from irsbot_msgs_py.records import Configure
+from irsbot_supervisor.cli.common import existing, out
+from irsbot_supervisor.core.intake import S
+from irsbot_supervisor.outcome import Outcome, outcome
+from irsbot_supervisor.replay import Judged, Recording, cause_names, judge_again, read_recording
+from irsbot_supervisor.sim.scenarios import Expectation
+from irsbot_supervisor.verify import against_recording
+
+STYLE = """body{font:15px sans-serif;margin:2em auto;max-width:70em}table{border-collapse:collapse}
+td,th{border:1px solid #bbb;padding:.3em .6em;text-align:left;vertical-align:top}img{max-width:100%}
+.STOP{background:#f7b2a5}.WARN{background:#fee8a8}.UNKNOWN{background:#d8c9e6}.OK{background:#d9f0d3}"""
+
+
+def report(
+    bag: Annotated[Path, typer.Argument(help="MCAP file, or a folder with one")],
+    target: Annotated[Path, typer.Option("-o", "--output", help="page to write, .html")],
+    robot: Annotated[str, typer.Option(help="for bags without a supervisor: preset or YAML file")] = "irsbot2",
+) -> None:
+    """Write one self-contained page about a run: picture, chapters, smallest margins, settings, replay.
+
+    Example: irsbot report runs/demo/bag -o run.html
+    """
+    if target.suffix != ".html":
+        raise BadInput(f"cannot write '{target}': the suffix must be .html")
+    recording = read_recording(existing(bag, "the bag"))
+    judged = judge_again(recording, robot)
+    found = outcome(recording, Expectation(stop=False))
+    target.write_text(_page(bag, recording, judged, found), encoding="utf-8")
+    out.print(f"written to {target}")
+
+
+def _page(bag: Path, recording: Recording, judged: Judged, found: Outcome) -> str:
+    begin = judged.chapters[0].since_ns if judged.chapters else 0
+    chapters = "".join(
+        f'<tr class="{chapter.level.name}"><td>{(chapter.since_ns - begin) / S:.3f}</td><td>{chapter.level.name}</td>'
+        f"<td>{escape(cause_names(chapter.causes))}</td><td>{escape(chapter.text)}</td></tr>"
+        for chapter in judged.chapters
+    )
+    nearest = "".join(f"<li>smallest {escape(str(one))}</li>" for one in found.nearest)
+    checks = "".join(
+        f"<li>{escape(check.name)}: {escape(check.faults[0]) if check.faults else 'same'}</li>"
+        for check in against_recording(recording, judged)
+    )
+    entry = next((entry for entry in recording.journal if isinstance(entry, Configure)), None)
+    settings = entry.values if entry else {}
+    rows = "".join(f"<tr><td>{escape(k)}</td><td>{escape(str(v))}</td></tr>" for k, v in settings.items())
+    return (
+        f"<!doctype html><meta charset='utf-8'><title>{escape(bag.name)}</title><style>{STYLE}</style>"
+        f"<h1>{escape(str(bag))}</h1><p>{len(recording.samples)} joint states, {len(recording.states)} judged. "
+        f"{escape(recording.loss)}</p>{_picture(recording, found)}<h2>Verdicts</h2><table><tr><th>time [s]</th>"
+        f"<th>level</th><th>causes</th><th>finding</th></tr>{chapters}</table><h2>Margins</h2><ul>{nearest}</ul>"
+        f"<h2>Judged again</h2><ul>{checks or '<li>no supervisor in the bag to compare with</li>'}</ul>"
+        f"<h2>Settings</h2><table>{rows}</table>"
+    )
+
+
+def _picture(recording: Recording, found: Outcome) -> str:
+    from irsbot_supervisor.pictures.run import draw_run  # matplotlib takes a second to load
+
+    with tempfile.TemporaryDirectory() as folder:
+        target = Path(folder) / "run.png"
+        draw_run(recording, found, target)
+        if not target.is_file():
+            return ""
+        data = base64.b64encode(target.read_bytes()).decode()
+    return f'<img alt="margins and verdict over time" src="data:image/png;base64,{data}">'

@@ -1,0 +1,180 @@
+"""`demo` and `up`: the whole suite as separate processes over DDS."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from datetime import datetime
+from math import isfinite
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.text import Text
+
+from irsbot_msgs_py.records import Cause, Level, Verdict
+from irsbot_supervisor.cli.common import Failed, existing, out
+from irsbot_supervisor.core.intake import S
+from irsbot_supervisor.outcome import Outcome, outcome
+from irsbot_supervisor.replay import cause_names, read_recording
+from irsbot_supervisor.settings_file import read_settings, robot_of, shipped_values
+from irsbot_supervisor.sim.scenario_file import read_scenario, scenario_names
+from irsbot_supervisor.sim.scenarios import Scenario
+from irsbot_supervisor.sim.scenarios import plan as plan_motion
+from irsbot_supervisor.sim.simulation import simulation_from
+from irsbot_supervisor.sim.trajectory import JointLimits
+from irsbot_supervisor.suite import JOINTS, KINEMATICS, RECORDER, SUPERVISOR, Node, Suite, free_domain
+
+START_DELAY_S = 1.0
+"""s the robot stands still at first, so that everybody has found everybody."""
+
+AFTERWARDS_S = 1.0
+"""s that are still recorded after a stop or the end of the work; braking takes a small part of it."""
+
+GRACE_S = 8.0
+"""s beyond the planned motion after which a run counts as stuck."""
+
+ENDLESS_S = 6.0
+"""s of a scenario that would go on for ever."""
+
+
+def demo(
+    scenario: Annotated[str, typer.Option(help=f"{', '.join(scenario_names())}, or a YAML file")] = "demo",
+    robot: Annotated[str | None, typer.Option(help="preset or YAML file; the scenario's own if left out")] = None,
+    seconds: Annotated[float | None, typer.Option(help="how long the scenario's cycle is repeated, s")] = None,
+    folder: Annotated[Path | None, typer.Option("--out", help="folder for the bag; a new one under runs/")] = None,
+) -> None:
+    """Watch a simulated robot being supervised over DDS, stopped in front of a singularity, and recorded.
+
+    Exit code 0 only if the supervisor stopped the robot in time (or, for clean work, never stopped it).
+
+    Example: irsbot demo --scenario type2
+    """
+    machine = robot_of(robot) if robot else None
+    plan = read_scenario(scenario, machine)
+    machine = machine or robot_of(plan.robot)
+    robot_name = robot or plan.robot
+    read_settings(robot_name)  # refused here, in one sentence, rather than by a node
+    target = folder or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-{plan.name}"
+    values: dict[str, Any] = {"robot": robot_name, "scenario": scenario, "start_delay_s": START_DELAY_S}
+    if seconds is not None:
+        values["cycle_s"] = float(seconds)
+    limit_s = _length(plan, values, robot_name) + START_DELAY_S + GRACE_S
+    out.print(f"{plan.name} with {machine.name}: {plan.description}")
+    timeline = _Timeline()
+    bag = target / "bag"
+    domain = free_domain()
+    with Suite(target / "logs", domain) as suite, contextlib.suppress(KeyboardInterrupt):
+        from irsbot_supervisor.watch import Watch  # needs ROS, which the other commands do not
+
+        suite.start(Node("recorder", RECORDER, {"output": str(bag)}))
+        suite.start(Node("kinematics", KINEMATICS, {"robot": robot_name}))
+        suite.start(Node("supervisor", SUPERVISOR, {"robot": robot_name}))
+        suite.start(Node("simulated_joints", JOINTS, values))
+        with Watch(domain, timeline.hear) as watch:
+            _follow(suite, watch, timeline, plan.expect.stop, limit_s)
+    from irsbot_supervisor.pictures.run import draw_run  # matplotlib takes a second to load
+
+    recording = read_recording(bag)
+    found = outcome(recording, plan.expect)
+    _print_outcome(found, plan)
+    picture = target / "run.png"
+    draw_run(recording, found, picture)
+    out.print(f"bag: {bag}   picture: {picture}")
+    out.print(f"judge it again with: ./irsbot replay {bag}")
+    if timeline.interrupted:
+        raise Failed("interrupted; what was recorded until then is in the bag")
+    if found.fault:
+        raise Failed(found.fault)
+
+
+def up(
+    robot: Annotated[str, typer.Option(help="preset or YAML file")] = "irsbot2",
+    namespace: Annotated[str, typer.Option(help="namespace of all nodes and topics")] = "",
+    params: Annotated[Path | None, typer.Option(help="ROS parameter file for all nodes")] = None,
+    scenario: Annotated[str, typer.Option(help="what the simulated joints do")] = "pick_and_place",
+    folder: Annotated[Path | None, typer.Option("--out", help="folder for the bag; a new one under runs/")] = None,
+    domain: Annotated[int, typer.Option(help="DDS domain")] = 0,
+) -> None:
+    """Run the suite until Ctrl-C: simulated joints, kinematics, supervisor, recorder.
+
+    Example: irsbot up --robot irsbot2 --namespace left
+    """
+    robot_of(robot)
+    if params is not None:
+        existing(params, "the parameter file")
+    target = folder or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-up"
+    with Suite(target / "logs", domain, namespace, params) as suite, contextlib.suppress(KeyboardInterrupt):
+        suite.start(Node("recorder", RECORDER, {"output": str(target / "bag")}))
+        suite.start(Node("kinematics", KINEMATICS, {"robot": robot}))
+        suite.start(Node("supervisor", SUPERVISOR, {"robot": robot}))
+        suite.start(Node("simulated_joints", JOINTS, {"robot": robot, "scenario": scenario}))
+        out.print(f"up on DDS domain {domain}, logs and bag under {target}; Ctrl-C ends it")
+        while True:
+            suite.check()
+            time.sleep(1.0)
+
+
+class _Timeline:
+    """Prints every change of level or cause, with the margin against its limit."""
+
+    def __init__(self) -> None:
+        self.begin = time.monotonic()
+        self.verdict: Verdict | None = None
+        self.worked = False
+        self.stopped_at: float | None = None
+        self.interrupted = False
+        out.print(f"{'time':>9}  {'level':8}finding")
+
+    def hear(self, verdict: Verdict) -> None:
+        last, self.verdict = self.verdict, verdict
+        self.worked = self.worked or verdict.level < Level.STOP
+        if self.worked and verdict.latched and self.stopped_at is None:
+            self.stopped_at = time.monotonic()
+        if last is not None and (last.level, last.causes) == (verdict.level, verdict.causes):
+            return
+        style = {Level.OK: "green", Level.WARN: "yellow", Level.STOP: "bold red", Level.UNKNOWN: "magenta"}
+        seconds = time.monotonic() - self.begin
+        worst = sorted(verdict.findings, key=lambda finding: -finding.level)
+        text = worst[0].text if worst else "all margins above their limits"
+        causes = cause_names(verdict.causes & ~int(Cause.LATCHED))
+        line = Text(f"{seconds:7.3f} s  ").append(f"{verdict.level.name:8}", style[verdict.level]).append(text)
+        out.print(line.append(f"  [{causes}]" if causes else ""))
+
+
+def _follow(suite: Suite, watch: Any, timeline: _Timeline, stops: bool, limit_s: float) -> None:
+    """Until the robot has had time to stand after a stop, its work is done, or nothing more is to be expected."""
+    deadline = time.monotonic() + limit_s - (0.0 if stops else GRACE_S - AFTERWARDS_S)
+    try:
+        while time.monotonic() < deadline:
+            watch.look(0.05)
+            suite.check()
+            if timeline.stopped_at is not None:
+                deadline = min(deadline, timeline.stopped_at + AFTERWARDS_S)
+    except KeyboardInterrupt:
+        timeline.interrupted = True
+
+
+def _length(plan: Scenario, values: dict[str, Any], robot_name: str) -> float:
+    """Planned seconds of a run."""
+    machine = robot_of(robot_name)
+    shipped = shipped_values(machine)
+    limited = ("velocity_limit", "deceleration_limit")
+    limits: dict[str, Any] = {name: shipped[name] for name in limited if name in shipped}
+    simulation = simulation_from({**limits, **values}, machine)
+    drives = JointLimits(simulation.velocity_limit, simulation.acceleration_limit, simulation.deceleration_limit)
+    motion = plan_motion(plan, machine.mechanism, drives, seconds=simulation.cycle_s or None)
+    return motion.duration_s if isfinite(motion.duration_s) else ENDLESS_S
+
+
+def _print_outcome(found: Outcome, plan: Scenario) -> None:
+    def after(later_ns: int | None, earlier_ns: int | None) -> str:
+        if later_ns is None or earlier_ns is None:
+            return "-"
+        return f"{(later_ns - earlier_ns) / S * 1e3:.1f} ms"
+
+    if plan.expect.stop:
+        out.print(f"limit crossed -> STOP heard: {after(found.stopped_ns, found.crossed_ns)}")
+        out.print(f"limit crossed -> standstill: {after(found.stood_ns, found.crossed_ns)}")
+    for nearest in found.nearest:
+        out.print(f"smallest {nearest}")

@@ -1,0 +1,44 @@
+"""`settings`: every setting of the supervision with its value for a robot, unit, range and meaning."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+
+from irsbot_supervisor.cli.common import existing, out, print_json
+from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.settings_file import read_settings, read_values
+
+
+def settings(
+    robot: Annotated[str, typer.Argument(help="preset name or YAML file")] = "irsbot2",
+    file: Annotated[Path | None, typer.Option(help="YAML file of yours; it is checked as the supervisor would")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
+) -> None:
+    """List the settings of the supervision for a robot, or check a file of settings.
+
+    Example: irsbot settings irsbot2 --file mine.yaml
+    """
+    changes = read_values(existing(file, "the settings file")) if file is not None else {}
+    found, _robot = read_settings(robot, changes)
+    rows = [_row(found, entry.name, entry.metadata) for entry in fields(Settings)]
+    if as_json:
+        print_json({"config_hash": found.config_hash, "settings": rows})
+        return
+    table = Table("setting", "value", "unit", "range", "meaning")
+    for row in rows:
+        value = ", ".join(map(str, row["value"])) if isinstance(row["value"], tuple) else str(row["value"])
+        table.add_row(row["name"], value, row["unit"], row["range"], row["meaning"])
+    out.print(table)
+    out.print(f"configuration {found.config_hash}")
+
+
+def _row(found: Settings, name: str, metadata: Any) -> dict[str, Any]:
+    words, low = metadata.get("words"), metadata.get("low")
+    span = ", ".join(words) if words else "" if low is None else f"{low:g}..{metadata['high']:g}"
+    meaning = metadata["text"] + (" (only at start)" if metadata.get("read_only") else "")
+    return {"name": name, "value": getattr(found, name), "unit": metadata["unit"], "range": span, "meaning": meaning}

@@ -1,0 +1,92 @@
+"""Robot and supervisor in one process and in simulated time: what the nodes do, without the middleware.
+
+For bags that can be made again, for campaigns of thousands of runs, and for tests. The same drives, faults,
+supervisor and obedience as in the nodes; a message arrives in the cycle in which it is sent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from irsbot_kinematics import Robot
+from irsbot_kinematics.mechanism import Floats
+from irsbot_msgs_py.records import JointSample, Level, SingularityState, Tick, Verdict
+from irsbot_supervisor.core.intake import S
+from irsbot_supervisor.core.pipeline import Supervisor
+from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.journal import configured, write_entry
+from irsbot_supervisor.sim.faults import FaultInjector, parse_faults
+from irsbot_supervisor.sim.obedience import Obedience
+from irsbot_supervisor.sim.simulation import Simulation, build
+from irsbot_supervisor.tape import TapeWriter
+
+BEGIN_NS = 1_700_000_000 * S
+"""ns: ROS time at which every simulated run begins; steady time begins at one second."""
+
+STEADY_NS = S
+
+
+class Cycle(NamedTuple):
+    """One period of the drives."""
+
+    now_ns: int  # ROS time
+    position: Floats  # where the joints really are, rad or m
+    velocity: Floats
+    sent: tuple[JointSample, ...]  # what the supervisor received
+    states: tuple[SingularityState, ...]
+    verdicts: tuple[Verdict, ...]
+    level: Level  # in force after this cycle
+
+
+def cycles(simulation: Simulation, robot: Robot, settings: Settings, faults: str | None = None) -> Iterator[Cycle]:
+    """The run of a scenario, cycle by cycle, for ever. faults: a fault line in place of the scenario's.
+
+    Raises SimulationError for a simulation that cannot be driven.
+    """
+    machine, scenario = build(simulation, robot)
+    injector = FaultInjector(
+        parse_faults(scenario.faults if faults is None else faults), robot.mechanism, simulation.seed
+    )
+    supervisor = Supervisor(settings, robot)
+    obedience = Obedience(simulation.verdict_timeout_s)
+    period_ns = round(simulation.period_s * S)
+    heartbeat_ns = round(settings.heartbeat_s * S)
+    supervisor.step(Tick(BEGIN_NS, STEADY_NS))  # silence counts from the moment in which the settings come into force
+    due_ns, elapsed_ns, level = STEADY_NS, 0, Level.UNKNOWN
+    while True:
+        elapsed_ns += period_ns
+        seen_ns, now_ns = STEADY_NS + elapsed_ns, BEGIN_NS + elapsed_ns
+        started = elapsed_ns >= simulation.start_delay_s * S
+        allowed = (obedience.allowed(seen_ns) if simulation.obey else 1.0) if started else 0.0
+        reading = machine.step(simulation.period_s, allowed)
+        sample = JointSample(now_ns, now_ns, seen_ns, simulation.joint_names, *reading)
+        sent = tuple(out.sample for out in injector.send(sample))
+        steps = [supervisor.step(one) for one in sent]
+        if seen_ns >= due_ns:
+            due_ns += heartbeat_ns
+            steps.append(supervisor.step(Tick(now_ns, seen_ns)))
+        verdicts = tuple(step.verdict for step in steps if step.verdict is not None)
+        for verdict in verdicts:
+            obedience.hear(verdict.level, verdict.speed_scale, seen_ns)
+            level = verdict.level
+        joints = machine.drives.now
+        states = tuple(step.state for step in steps if step.state is not None)
+        yield Cycle(now_ns, joints.position, joints.velocity, sent, states, verdicts, level)
+
+
+def record(run: Iterator[Cycle], seconds: float, robot: Robot, settings: Settings, target: Path) -> None:
+    """Record the first seconds of a run as the recorder would. Raises BagError."""
+    with TapeWriter(target, compression="zstd") as tape:
+        entry = configured(settings, robot, BEGIN_NS, STEADY_NS)
+        tape.add("supervisor/journal", write_entry(entry), BEGIN_NS)
+        for cycle in run:
+            if cycle.now_ns > BEGIN_NS + seconds * S:
+                break
+            for sample in cycle.sent:
+                tape.add("joint_states", sample, cycle.now_ns)
+            for state in cycle.states:
+                tape.add("supervisor/state", state, cycle.now_ns)
+            for verdict in cycle.verdicts:
+                tape.add("supervisor/verdict", verdict, cycle.now_ns)

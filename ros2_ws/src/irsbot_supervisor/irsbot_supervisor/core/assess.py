@@ -1,0 +1,92 @@
+"""From joint positions to the posture: pose and margins, and whether the branch is still known.
+
+Encoders cannot see a change of assembly mode. After contact with a Type 2 locus, or after a jump that no motion
+explains, the branch is unknown until an operator confirms it.
+"""
+
+from __future__ import annotations
+
+from math import inf, nan
+from typing import NamedTuple
+
+from irsbot_kinematics import Mechanism, Posture, Status
+from irsbot_msgs_py.records import Floats
+from irsbot_supervisor.core.settings import Settings
+
+CONTACT_TOL_M = 1e-6
+"""m: a gap to Type 2 smaller than this is contact: play and elasticity of any machine are larger."""
+
+SOLVED = Status.SOLVED
+"""Looking up a member of an enum takes as long as a sine, and every sample asks three times."""
+
+Margins = tuple[float, float, float, float]
+"""Type 1 (smallest over the legs), Type 2, constraint, limb (smallest): 0..1, infinite where there is none."""
+
+
+class Assessment(NamedTuple):
+    """What one posture says."""
+
+    at: Posture
+    margins: Margins
+    branch_fault: str  # empty, or why the branch is not known
+
+
+class Assessor:
+    """Solves the direct kinematics in the branch that the settings name, and watches that branch."""
+
+    def __init__(self, settings: Settings, mechanism: Mechanism) -> None:
+        self._mechanism = mechanism
+        self._working = settings.working_mode
+        self._assembly = settings.assembly_mode
+        self._lost = ""
+        self.configure(settings)
+
+    def configure(self, settings: Settings) -> None:
+        """New tolerances; a lost branch stays lost."""
+        lever = max(self._mechanism.length_m if joint.is_angle else 1.0 for joint in self._mechanism.joints)
+        self._contact = CONTACT_TOL_M + lever * settings.encoder_offset + settings.geometry_tolerance_m
+
+    def assess(self, joints: Floats, lost_track: bool) -> Assessment:
+        """The posture of joint positions. A posture that is not assembled has NaN margins."""
+        if lost_track:
+            self._lost = self._lost or "a joint jumped farther than it can move"
+        return self._judged(joints, lasting=True)
+
+    def confirmed(self, joints: Floats) -> Assessment:
+        """The posture as it will be judged if an operator confirms the branch: what can be seen counts still."""
+        return self._judged(joints, lasting=False)
+
+    def confirm(self) -> None:
+        """An operator confirms that the robot is in the branch of the settings."""
+        self._lost = ""
+
+    def _judged(self, joints: Floats, lasting: bool) -> Assessment:
+        at = self._mechanism.posture(joints, self._assembly)
+        fault = self._lost if lasting else ""
+        if not (at.status == SOLVED and min(at.gaps) > self._contact):
+            # Between assembled and not assembled lies contact: nobody passes from one to the other without it.
+            fault = fault or f"the robot touched a Type 2 singularity (gap {min(at.gaps):.2e} m)"
+            if lasting:
+                self._lost = fault
+        if at.status != SOLVED:
+            return Assessment(at, (nan,) * 4, fault)
+        if not fault and at.working_mode != self._working:
+            fault = self._mode_fault(at)
+        return Assessment(at, margins_of(at), fault)
+
+    def _mode_fault(self, at: Posture) -> str:
+        for leg, (now, usual) in enumerate(zip(at.working_mode, self._working, strict=True), 1):
+            if now == -usual:
+                return f"leg {leg} is in working mode {now:+d}, configured {usual:+d}"
+        return ""  # a leg within the dead band of its sign: the Type 1 margin speaks for it
+
+
+def margins_of(at: Posture) -> Margins:
+    """The four margins of a solved posture."""
+    constraint, limb = at.constraint, at.limb
+    return (
+        min(map(abs, at.sines)),
+        min(at.cos_pressure),
+        constraint if constraint == constraint else inf,
+        min(limb) if limb else inf,
+    )

@@ -1,0 +1,217 @@
+"""A planned motion, certified to keep its margins above the stop limits: between its points too.
+
+The joints of a stretch lie in a box; the mechanism bounds its margins over boxes. Long stretches are tried first and
+cut where their bound does not suffice, in the order of time, so that the first violation is the one that is named.
+Points with velocities are joined by cubics, points without by straight lines, as trajectory controllers do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from math import inf, nan
+from typing import NamedTuple
+
+import numpy as np
+
+from irsbot_kinematics import Posture, Robot, Status
+from irsbot_kinematics.arithmetic import Array
+from irsbot_msgs_py.records import Cause, Floats
+from irsbot_supervisor.core.assess import Margins, margins_of
+from irsbot_supervisor.core.outlook import floor_of, limits_of, position_error
+from irsbot_supervisor.core.policy import KINDS, WORDS
+from irsbot_supervisor.core.settings import Settings
+
+STRETCH = 64
+"""Segments that are tried in one box first."""
+
+CUTS = 24
+"""How often one segment is halved at most: 2^-24 of it is far below what any controller resolves."""
+
+
+class BadTrajectory(ValueError):
+    """Points that are no motion of these joints."""
+
+
+class Violation(NamedTuple):
+    """Where a margin first falls below its stop limit, or cannot be shown not to."""
+
+    time_s: float
+    cause: int
+    value: float
+    limit: float
+    joints: Floats
+    pose: Floats
+    text: str
+
+
+class Certificate(NamedTuple):
+    """The answer. minima: smallest certified value and its time per margin, in the order of `policy.KINDS`; until the
+    violation where there is one, infinite for margins that the robot does not have."""
+
+    violation: Violation | None
+    minima: tuple[tuple[float, float], ...]
+
+    @property
+    def safe(self) -> bool:
+        return self.violation is None
+
+
+def certify(
+    robot: Robot,
+    settings: Settings,
+    times_s: Sequence[float],
+    positions: Sequence[Sequence[float]],
+    velocities: Sequence[Sequence[float]] = (),
+    assembly_mode: int = 0,
+) -> Certificate:
+    """Certify a motion. times_s: (N,) s, increasing. positions: (N, n) rad or m. velocities: (N, n) or empty.
+
+    assembly_mode: of the start; 0: the settings'. Raises BadTrajectory.
+    """
+    motion = _Motion(len(robot.mechanism.joints), times_s, positions, velocities)
+    return _Walk(robot, settings, motion, assembly_mode).walk()
+
+
+class _Motion:
+    """Cubic or straight segments, and bounds of the joints over parts of them."""
+
+    def __init__(
+        self, n: int, times_s: Sequence[float], positions: Sequence[Sequence[float]], rates: Sequence[Sequence[float]]
+    ) -> None:
+        try:
+            self.times = np.array(times_s, dtype=float)
+            self.q = np.array(positions, dtype=float).reshape(len(self.times), -1)
+            self.v = np.array(rates, dtype=float).reshape(len(self.times), -1) if len(rates) else None
+        except ValueError:
+            raise BadTrajectory("each time needs positions, and velocities or none, one per joint") from None
+        if len(self.times) < 1 or self.q.shape[1] != n or (self.v is not None and self.v.shape[1] != n):
+            raise BadTrajectory(f"a trajectory needs points with {n} positions (and {n} velocities or none)")
+        if not (np.isfinite(self.times).all() and (np.diff(self.times) > 0.0).all()):
+            raise BadTrajectory("the times must be finite and increase")
+        if not (np.isfinite(self.q).all() and (self.v is None or np.isfinite(self.v).all())):
+            raise BadTrajectory("positions and velocities must be finite")
+        self.low, self.high = self._ranges()
+
+    def _ranges(self) -> tuple[Array, Array]:
+        """Exact bounds of each joint over each segment: ends, and where the cubic's rate is zero."""
+        a, b = self.q[:-1], self.q[1:]
+        low, high = np.minimum(a, b), np.maximum(a, b)
+        if self.v is None or not len(a):
+            return low, high
+        c1, c2, c3 = self._cubic
+        with np.errstate(invalid="ignore", divide="ignore"):
+            root = np.sqrt(c2 * c2 - 3.0 * c1 * c3)
+            half = -(c2 + np.copysign(root, c2))  # no cancellation
+            for u in (half / (3.0 * c3), c1 / half):
+                inner = np.where((u > 0.0) & (u < 1.0), a + u * (c1 + u * (c2 + u * c3)), a)
+                low, high = np.minimum(low, inner), np.maximum(high, inner)
+        return low, high
+
+    @cached_property
+    def _cubic(self) -> tuple[Array, Array, Array]:
+        """Coefficients over the unit interval: q = a + u (c1 + u (c2 + u c3))."""
+        assert self.v is not None
+        dt = np.diff(self.times)[:, np.newaxis]
+        rise = np.diff(self.q, axis=0)
+        c1 = self.v[:-1] * dt
+        end = self.v[1:] * dt
+        return c1, 3.0 * rise - 2.0 * c1 - end, c1 + end - 2.0 * rise
+
+    def part(self, segment: int, start: float, end: float) -> tuple[Array, Array]:
+        """Bounds of the joints over a part of a segment, in shares 0..1 of its time (interval evaluation)."""
+        a = self.q[segment]
+        if self.v is None:
+            rise = self.q[segment + 1] - a
+            first, last = a + start * rise, a + end * rise
+            return np.minimum(first, last), np.maximum(first, last)
+        c1, c2, c3 = (c[segment] for c in self._cubic)
+        middle, half = 0.5 * (start + end), 0.5 * (end - start)
+        value = a + middle * (c1 + middle * (c2 + middle * c3))
+        slope = np.abs(c1 + middle * (2.0 * c2 + 3.0 * middle * c3))
+        bend = np.abs(2.0 * c2 + 6.0 * middle * c3)
+        reach = half * (slope + half * (0.5 * bend + half * np.abs(c3)))  # Taylor, exact for a cubic
+        return value - reach, value + reach
+
+
+class _Walk:
+    """Goes along a motion, stretch by stretch."""
+
+    def __init__(self, robot: Robot, settings: Settings, motion: _Motion, assembly_mode: int) -> None:
+        self._mechanism = robot.mechanism
+        self._assembly = assembly_mode or settings.assembly_mode
+        if self._assembly not in self._mechanism.assembly_modes:
+            raise BadTrajectory(f"assembly mode {assembly_mode} is not one of {self._mechanism.assembly_modes}")
+        self._working = settings.working_mode
+        self._motion = motion
+        self._stop = limits_of(settings, "stop")
+        self._error = position_error(settings)
+        self._slack_m = settings.geometry_tolerance_m
+        self._minima = [(inf, 0.0)] * len(KINDS)
+
+    def walk(self) -> Certificate:
+        """The certificate of the whole motion."""
+        motion = self._motion
+        violation = self._start()
+        for first in range(0, len(motion.low), STRETCH):
+            if violation is None:
+                violation = self._segments(first, min(first + STRETCH, len(motion.low)))
+        return Certificate(violation, tuple(self._minima))
+
+    def _start(self) -> Violation | None:
+        """The motion must begin in the configured branch; afterwards positive margins keep it there."""
+        at, floor = self._bound(self._motion.q[0], self._motion.q[0])
+        begin = float(self._motion.times[0])
+        if at.status != Status.SOLVED or at.working_mode != self._working:
+            what = "no pose belongs to the joints" if at.status != Status.SOLVED else f"working mode {at.working_mode}"
+            text = f"the motion begins in another branch than configured: {what}"
+            return Violation(begin, int(Cause.BRANCH), nan, nan, at.joints, at.pose, text)
+        return None if self._settled(floor, begin) else self._violation(at, floor, begin)
+
+    def _segments(self, first: int, last: int) -> Violation | None:
+        """The first violation in a row of segments."""
+        motion = self._motion
+        _at, floor = self._bound(motion.low[first:last].min(axis=0), motion.high[first:last].max(axis=0))
+        if self._settled(floor, 0.5 * float(motion.times[first] + motion.times[last])):
+            return None
+        if last - first == 1:
+            return self._parts(first, 0.0, 1.0, CUTS)
+        middle = (first + last) // 2
+        return self._segments(first, middle) or self._segments(middle, last)
+
+    def _parts(self, segment: int, start: float, end: float, cuts: int) -> Violation | None:
+        """The first violation in a part of a segment, given in shares of its time."""
+        motion = self._motion
+        begin, length = float(motion.times[segment]), float(motion.times[segment + 1] - motion.times[segment])
+        at, floor = self._bound(*motion.part(segment, start, end))
+        middle = 0.5 * (start + end)
+        if self._settled(floor, begin + middle * length):
+            return None
+        if cuts == 0:
+            return self._violation(at, floor, begin + start * length)
+        return self._parts(segment, start, middle, cuts - 1) or self._parts(segment, middle, end, cuts - 1)
+
+    def _bound(self, low: Array, high: Array) -> tuple[Posture, Margins]:
+        """The posture in the middle of a box of joints, and lower bounds of the margins over the box."""
+        at = self._mechanism.posture(tuple((0.5 * (low + high)).tolist()), self._assembly)
+        if at.status != Status.SOLVED:
+            return at, (0.0, 0.0, 0.0, 0.0)
+        travel = (0.5 * (high - low) + self._error).tolist()
+        return at, floor_of(self._mechanism.guarantee(at, travel, self._slack_m))
+
+    def _settled(self, floor: Margins, time_s: float) -> bool:
+        """Whether bounds suffice; if so, they count for the minima."""
+        if not all(value >= limit for value, limit in zip(floor, self._stop, strict=True)):
+            return False
+        for kind, value in enumerate(floor):
+            if value < self._minima[kind][0]:
+                self._minima[kind] = value, time_s
+        return True
+
+    def _violation(self, at: Posture, floor: Margins, time_s: float) -> Violation:
+        now = margins_of(at) if at.status == Status.SOLVED else floor
+        lack = [value - limit for value, limit in zip(floor, self._stop, strict=True)]
+        kind = lack.index(min(lack))
+        limit = self._stop[kind]
+        text = f"{WORDS[KINDS[kind]]} {now[kind]:.4f} at {time_s:.4f} s, limit {limit:.4f}"
+        return Violation(time_s, int(KINDS[kind]), now[kind], limit, at.joints, at.pose, text)

@@ -1,0 +1,113 @@
+"""What arrives is looked at once: joints by name, finiteness, stamps against both clocks. Accepted or rejected."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import isfinite
+from operator import itemgetter
+from typing import NamedTuple
+
+from irsbot_msgs_py.records import Cause, Floats, JointSample
+from irsbot_supervisor.core.settings import Settings
+
+S = 1_000_000_000
+"""Nanoseconds in a second."""
+
+FARTHEST = 1e6
+"""rad or m: a joint position beyond this is a unit error or garbage, and beyond it sines lose their digits."""
+
+
+class Accepted(NamedTuple):
+    """A sample that can be believed as far as it can be told without history of the motion."""
+
+    stamp_ns: int
+    received_ns: int
+    seen_ns: int
+    position: Floats  # configured order, rad or m
+    velocity: Floats  # configured order; empty when the message has none that can be used
+    effort: Floats  # configured order; empty when the message has none that can be used
+
+
+class Rejected(NamedTuple):
+    """A sample that says nothing about the robot, and why."""
+
+    cause: Cause
+    text: str
+    harmless: bool = False
+    """A repetition or a straggler: it neither adds to what is known nor casts doubt on it."""
+
+
+class Intake:
+    """Sorts samples into accepted and rejected; remembers the order of names and the newest stamp."""
+
+    def __init__(self, settings: Settings) -> None:
+        self.configure(settings)
+        self._names: tuple[str, ...] | None = None
+        self._pick: Callable[[Floats], Floats] = tuple
+        self._stamp_ns = 0
+        self._seen_ns = 0
+
+    def configure(self, settings: Settings) -> None:
+        """New limits; what has arrived stays known."""
+        self._joints = settings.joint_names
+        self._age_ns = round(settings.age_limit_s * S)
+        self._future_ns = round(settings.future_limit_s * S)
+        self._stale_ns = round(settings.stale_s * S)
+
+    def check(self, sample: JointSample) -> Accepted | Rejected:
+        """Accepted in the configured joint order, or the first reason against it."""
+        stamp, received, seen, names, position, velocity, effort = sample
+        count = len(names)
+        if names != self._names and (fault := self._learn(names)):
+            return Rejected(Cause.NAMES, fault)
+        if not len(velocity or position) == len(effort or position) == len(position) == count:
+            lengths = f"{count} names, {len(position)} positions, {len(velocity)} velocities, {len(effort)} efforts"
+            return Rejected(Cause.NAMES, f"the arrays do not fit the names: {lengths}")
+        pick = self._pick
+        q = pick(position)
+        if not sum(map(abs, q)) <= FARTHEST:
+            for name, value in zip(self._joints, q, strict=True):
+                if not -FARTHEST <= value <= FARTHEST:
+                    return Rejected(*_bad_position(name, value))
+        in_time = stamp > self._stamp_ns and -self._future_ns <= received - stamp <= self._age_ns
+        if not in_time and (late := self._stamp_fault(stamp, received, seen)):
+            return late
+        self._stamp_ns, self._seen_ns = stamp, seen
+        return Accepted(
+            stamp,
+            received,
+            seen,
+            q,
+            pick(velocity) if velocity else (),
+            pick(effort) if effort else (),
+        )
+
+    def _learn(self, names: tuple[str, ...]) -> str:
+        missing = [joint for joint in self._joints if joint not in names]
+        if missing:
+            return f"joint '{missing[0]}' is missing; the message has {', '.join(names) or 'no names'}"
+        if doubled := [joint for joint in self._joints if names.count(joint) > 1]:
+            return f"joint '{doubled[0]}' is named twice"
+        first, *others = [names.index(joint) for joint in self._joints]
+        self._names = names
+        self._pick = itemgetter(first, *others) if others else lambda values: (values[first],)
+        return ""
+
+    def _stamp_fault(self, stamp: int, received: int, seen: int) -> Rejected | None:
+        age = received - stamp
+        if not (stamp > 0 and -self._future_ns <= age <= self._age_ns):
+            what = "zero" if stamp <= 0 else f"{-age / S:.3f} s in the future" if age < 0 else f"{age / S:.3f} s old"
+            return Rejected(Cause.STAMP, f"the stamp is {what}")
+        if stamp > self._stamp_ns:
+            return None
+        # The sender's clock may have been set back, or a simulation restarted: believe it once nothing newer comes.
+        # A stamp that is merely repeated never becomes news.
+        if stamp < self._stamp_ns and seen - self._seen_ns > self._stale_ns:
+            return None
+        return Rejected(Cause.STAMP, "the stamp is repeated or out of order", harmless=True)
+
+
+def _bad_position(name: str, value: float) -> tuple[Cause, str]:
+    if isfinite(value):
+        return Cause.IMPLAUSIBLE, f"joint '{name}' is at {value:g}, farther than any joint gets"
+    return Cause.NONFINITE, f"joint '{name}' is at {value}"

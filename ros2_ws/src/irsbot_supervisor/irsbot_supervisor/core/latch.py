@@ -1,0 +1,130 @@
+"""From findings to the verdict: the worst wins, every cause is kept for a dwell time, a stop is held until reset."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from irsbot_msgs_py.records import Cause, Finding, Floats, Level
+from irsbot_supervisor.core.intake import S
+from irsbot_supervisor.core.settings import Settings
+
+
+class Judgement(NamedTuple):
+    """Level and causes now in force, and since when."""
+
+    level: Level
+    causes: int  # sum of Cause bits
+    latched: bool
+    event: int
+    since_ns: int
+    speed_scale: float
+    findings: tuple[Finding, ...]
+    escape: Floats
+
+
+class Latch:
+    """Holds findings and stops. Moved by `update` and `reset` alone."""
+
+    def __init__(self, settings: Settings) -> None:
+        self.configure(settings)
+        self._held: dict[tuple[int, Level], tuple[Finding, int]] = {}
+        self._stopped_by: tuple[Finding, ...] = ()
+        self._escape: Floats = ()
+        self.turns: list[Judgement] = []
+        """Judgements that came into force since this list was last emptied."""
+        self.now = Judgement(Level.UNKNOWN, 0, False, 0, 0, 0.0, (), ())
+
+    def configure(self, settings: Settings) -> None:
+        """New times; what is held and latched stays so."""
+        self._dwell_ns = round(settings.dwell_s * S)
+
+    @property
+    def latched(self) -> bool:
+        return bool(self._stopped_by)
+
+    def keep(self, findings: Iterable[Finding], at_ns: int) -> None:
+        """Findings that have held without a break until now, however long ago somebody looked."""
+        for finding in findings:
+            self._held[finding.cause, finding.level] = finding, at_ns
+
+    def update(self, findings: list[Finding], at_ns: int, escape: Floats = ()) -> bool:
+        """Take in what was found at a time (steady clock). True if the judgement changed."""
+        held = self._held
+        if not findings and not held and not self._stopped_by:
+            return self._set(at_ns)
+        changed = self._release(at_ns, {(finding.cause, finding.level) for finding in findings})
+        self.keep(findings, at_ns)
+        stops = tuple(finding for finding in findings if _latches(finding))
+        if stops and not self._stopped_by:
+            self._stopped_by = stops
+            self._escape = escape
+            self.now = self.now._replace(event=self.now.event + 1)
+        return self._set(at_ns) or changed
+
+    def _release(self, at_ns: int, again: set[tuple[int, Level]]) -> bool:
+        """Let go of what was not found for the dwell time, in the order in which it lapsed and dated to that moment:
+        when somebody looks must not show in a replay."""
+        changed = False
+        lapsed = sorted(
+            (last_ns + self._dwell_ns, key)
+            for key, (_finding, last_ns) in self._held.items()
+            if at_ns - last_ns > self._dwell_ns or (at_ns - last_ns == self._dwell_ns and key not in again)
+        )
+        for number, (end_ns, key) in enumerate(lapsed, 1):
+            del self._held[key]
+            if end_ns < (lapsed[number][0] if number < len(lapsed) else at_ns):  # not before all of that moment is done
+                changed = self._set(end_ns) or changed
+        return changed
+
+    def reset(self, event: int, at_ns: int, standing: bool, active: list[Finding]) -> str:
+        """End the stop number `event`. Returns an empty text, or why not."""
+        if not self._stopped_by:
+            return "nothing to reset: no stop is latched"
+        if event != self.now.event:
+            return f"event {event} is not the stop in force, which is {self.now.event}"
+        if not standing:
+            return "the robot is not standing still"
+        if unknown := [finding for finding in active if finding.level == Level.UNKNOWN]:
+            return f"the state of the robot is not known: {unknown[0].text}"
+        if stops := [finding for finding in active if finding.level == Level.STOP]:
+            return f"the cause is still there: {stops[0].text}"
+        self._stopped_by, self._escape = (), ()
+        self._held = {key: entry for key, entry in self._held.items() if key[1] < Level.STOP}
+        self._set(at_ns)
+        return ""
+
+    def _set(self, at_ns: int) -> bool:
+        before = self.now
+        if not self._held and not self._stopped_by:
+            if before.level == Level.OK and not before.latched:
+                return False
+            self.now = Judgement(Level.OK, 0, False, before.event, at_ns, 1.0, (), ())
+            self.turns.append(self.now)
+            return True
+        findings = tuple(finding for finding, _last in self._held.values())
+        causes = 0
+        level = Level.OK
+        for finding in findings:
+            causes |= int(finding.cause)
+            level = max(level, finding.level)
+        if self._stopped_by:
+            known = {(finding.cause, finding.level) for finding in findings}
+            findings += tuple(f for f in self._stopped_by if (f.cause, f.level) not in known)
+            for finding in self._stopped_by:
+                causes |= int(finding.cause)
+                level = max(level, finding.level)
+            causes |= int(Cause.LATCHED)
+        latched = self.latched
+        same = before.level == level and before.causes == causes and before.latched == latched
+        since = before.since_ns if same else at_ns
+        scale = 1.0 if level < Level.STOP else 0.0
+        self.now = Judgement(level, causes, latched, before.event, since, scale, findings, self._escape)
+        if not same:
+            self.turns.append(self.now)
+        return not same
+
+
+def _latches(finding: Finding) -> bool:
+    """Stops are held; so is the loss of the branch, which no later sample can bring back."""
+    return finding.level == Level.STOP or (finding.level == Level.UNKNOWN and bool(finding.cause & Cause.BRANCH))

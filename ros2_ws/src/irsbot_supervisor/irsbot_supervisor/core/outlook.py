@@ -1,0 +1,133 @@
+"""What happens until the robot stands still: the path of braking, and the smallest margins along it, certified.
+
+After the latency every joint brakes with its own constant deceleration. The path is monotonic per joint, so every
+stretch of it lies in a box of joint positions, and the mechanism bounds its margins over a box from below. One box for
+the whole path usually settles the question; where it does not, the path is cut, worst stretch first.
+"""
+
+from __future__ import annotations
+
+from heapq import heappop, heappush
+from math import copysign, inf
+from typing import NamedTuple
+
+from irsbot_kinematics import Guarantee, Mechanism, Posture
+from irsbot_msgs_py.records import Floats
+from irsbot_supervisor.core.assess import SOLVED, Margins
+from irsbot_supervisor.core.settings import Settings
+
+CUTS = 8
+"""How often the braking path of one sample is cut at most; the bound so far counts when they are used up. Each cut
+costs two postures; 8 keep the longest step below the P4 goal of the benchmark."""
+
+
+Stretch = tuple[float, float, float, Margins]
+"""Of the braking path: what the worst margin has above its limit, begin and end (s), smallest margins."""
+
+
+class Outlook(NamedTuple):
+    """From now to standstill."""
+
+    floor: Margins  # certified smallest margins on the braking path, encoder and geometry errors included
+    travel: Floats  # rad or m each joint needs to stop, signed
+    stop_s: float  # s until the last joint stands
+
+
+class Foresight:
+    """Follows the braking path of a mechanism under given settings."""
+
+    def __init__(self, settings: Settings, mechanism: Mechanism) -> None:
+        self._mechanism = mechanism
+        self._assembly = settings.assembly_mode
+        self._latency = settings.latency_s
+        self._brakes = settings.deceleration_limit
+        self._error = position_error(settings)
+        self._slack_m = settings.geometry_tolerance_m
+        self._wanted = limits_of(settings, "warn")
+
+    def foresee(self, at: Posture, velocity: Floats, ahead_s: float) -> Outlook:
+        """Certified margins until standstill from a solved posture, if the joints go on as they are for `ahead_s` and
+        the latency, then brake. NaN velocities give floors of 0."""
+        latency, error = self._latency + ahead_s, self._error
+        travel, reach, stop_s = [], [], 0.0
+        for rate, brake in zip(velocity, self._brakes, strict=True):
+            speed = abs(rate)
+            time_s = speed / brake
+            path = speed * (latency + 0.5 * time_s)
+            travel.append(copysign(path, rate))
+            reach.append(path + error)
+            if not time_s <= stop_s:
+                stop_s = time_s
+        stop_s += latency
+        if not stop_s < inf:
+            return Outlook((0.0, 0.0, 0.0, 0.0), tuple(travel), inf)
+        whole = self._mechanism.guarantee(at, reach, self._slack_m)
+        floor = floor_of(whole)
+        wanted = self._wanted
+        if not (floor[0] >= wanted[0] and floor[1] >= wanted[1] and floor[2] >= wanted[2] and floor[3] >= wanted[3]):
+            floor = self._cut(at.joints, velocity, latency, stop_s)
+        return Outlook(floor, tuple(travel), stop_s)
+
+    def position(self, joints: Floats, velocity: Floats, latency_s: float, time_s: float) -> Floats:
+        """Joint positions `time_s` after the sample when the robot begins to brake `latency_s` after it."""
+        coasting = min(time_s, latency_s)
+        braking = max(time_s - latency_s, 0.0)
+        reached = []
+        for q, v, a in zip(joints, velocity, self._brakes, strict=True):
+            t = min(braking, abs(v) / a)
+            reached.append(q + v * (coasting + t) - (0.5 * a * t * t if v > 0.0 else -0.5 * a * t * t))
+        return tuple(reached)
+
+    def _cut(self, joints: Floats, velocity: Floats, latency_s: float, stop_s: float) -> Margins:
+        """Bounds along the path in stretches; the stretch farthest below what is wanted is cut next."""
+        stretches: list[Stretch] = []
+
+        def add(start: float, end: float) -> None:
+            first, last = (self.position(joints, velocity, latency_s, time_s) for time_s in (start, end))
+            lack, floor = self._bound(first, last)
+            heappush(stretches, (lack, start, end, floor))
+
+        add(0.0, stop_s)
+        for _ in range(CUTS):
+            lack, start, end, _floor = stretches[0]
+            if lack >= 0.0:
+                break
+            heappop(stretches)
+            middle = 0.5 * (start + end)
+            add(start, middle)
+            add(middle, end)
+        floors = [stretch[3] for stretch in stretches]
+        return (
+            min([f[0] for f in floors]),
+            min([f[1] for f in floors]),
+            min([f[2] for f in floors]),
+            min([f[3] for f in floors]),
+        )
+
+    def _bound(self, first: Floats, last: Floats) -> tuple[float, Margins]:
+        """What the worst margin has above its limit, and all of them, wherever the joints are between two positions."""
+        middle = tuple([0.5 * (a + b) for a, b in zip(first, last, strict=True)])
+        at = self._mechanism.posture(middle, self._assembly)
+        floor = (0.0, 0.0, 0.0, 0.0)
+        if at.status == SOLVED:
+            half = [0.5 * abs(b - a) + self._error for a, b in zip(first, last, strict=True)]
+            floor = floor_of(self._mechanism.guarantee(at, half, self._slack_m))
+        return min([have - want for have, want in zip(floor, self._wanted, strict=True)]), floor
+
+
+def floor_of(guarantee: Guarantee) -> Margins:
+    """A guarantee as four margins; infinite where the mechanism has none."""
+    type1, type2, constraint, limb = guarantee
+    return min(type1), type2, constraint if constraint == constraint else inf, min(limb) if limb else inf
+
+
+def limits_of(settings: Settings, which: str) -> Margins:
+    """The `warn` or `stop` limits of the four margins."""
+    kinds = ("type1", "type2", "constraint", "limb")
+    type1, type2, constraint, limb = (getattr(settings, f"{kind}_{which}") for kind in kinds)
+    return type1, type2, constraint, limb
+
+
+def position_error(settings: Settings) -> float:
+    """rad or m by which a joint position may be wrong."""
+    return 0.5 * settings.encoder_resolution + settings.encoder_offset

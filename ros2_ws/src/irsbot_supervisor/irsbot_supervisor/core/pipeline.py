@@ -1,0 +1,269 @@
+"""The supervisor: events in, states and verdicts out. Time is in the events; nothing here asks a clock.
+
+A sample, a tick of a timer, an operator's reset and new settings enter by the same door, so that all of it replays.
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from math import inf, isfinite, nan, sqrt
+from typing import NamedTuple
+
+from irsbot_kinematics import Robot
+from irsbot_kinematics.requests import solve_direct
+from irsbot_msgs_py.records import (
+    Cause,
+    Configure,
+    Finding,
+    Floats,
+    JointSample,
+    Level,
+    Reset,
+    SingularityState,
+    Tick,
+    Verdict,
+)
+from irsbot_supervisor.core.assess import SOLVED, Assessment, Assessor, margins_of
+from irsbot_supervisor.core.estimator import Estimate, Estimator
+from irsbot_supervisor.core.intake import Intake, Rejected, S
+from irsbot_supervisor.core.latch import Judgement, Latch
+from irsbot_supervisor.core.outlook import Foresight, Outlook
+from irsbot_supervisor.core.policy import KINDS, Policy
+from irsbot_supervisor.core.report import Reporter
+from irsbot_supervisor.core.settings import InvalidSettings, Settings, settings_from
+
+PROBE = 1e-4
+"""rad or m: step of the differences that find the escape direction; margins are smooth far beyond it."""
+
+Event = JointSample | Tick | Reset | Configure
+
+
+class Step(NamedTuple):
+    """What an event leads to: each part None where there is nothing to publish."""
+
+    state: SingularityState | None
+    verdict: Verdict | None  # due now: a transition, or the heartbeat
+    refusal: str = ""  # why a reset was refused
+    turns: tuple[Judgement, ...] = ()  # every judgement that came into force, in order
+
+
+class Supervisor:
+    """One robot under supervision. `step` is the only way in."""
+
+    def __init__(self, settings: Settings, robot: Robot) -> None:
+        self.robot = robot
+        robot.mechanism.prepare()
+        self._latch = Latch(settings)
+        self._estimator = Estimator(settings, robot.mechanism.joints)
+        self._assessor = Assessor(settings, robot.mechanism)
+        self._intake = Intake(settings)
+        self._set(settings)
+        self._samples = 0
+        self._verdicts = 0
+        self._spoken_ns = 0
+        self._good: Estimate | None = None
+        self._stale = False
+        self._found: list[Finding] = []
+        self._silence: list[Finding] = []
+        self.rejections: dict[Cause, int] = {}
+        """Rejected samples by reason."""
+
+    def step(self, event: Event) -> Step:
+        """What an event means. Never raises for values; InvalidSettings for a Configure that cannot be used."""
+        latch = self._latch
+        latch.turns = []
+        state, refusal = None, ""
+        changed = self._pass_time(event.seen_ns)
+        if isinstance(event, JointSample):
+            state = self._sample(event)
+        elif isinstance(event, Configure):
+            self._configure(event)
+            changed = True
+        elif isinstance(event, Reset):
+            refusal = self._reset(event)
+        verdict = self._speak(event.seen_ns, changed or bool(latch.turns))
+        return Step(state, verdict, refusal, tuple(latch.turns))
+
+    def _set(self, settings: Settings) -> None:
+        mechanism = self.robot.mechanism
+        self.settings = settings
+        self._foresight = Foresight(settings, mechanism)
+        self._policy = Policy(settings)
+        self._reporter = Reporter(settings, mechanism, self.robot.name)
+        self._stale_ns = round(settings.stale_s * S)
+        self._heartbeat_ns = round(settings.heartbeat_s * S)
+        self._hash = settings.config_hash
+
+    def _configure(self, change: Configure) -> None:
+        """New settings, whole and checked. What is known of the robot, and a latched stop, stay as they are.
+
+        Raises InvalidSettings, also for a change of what is read only.
+        """
+        settings = settings_from(change.values, self.robot)
+        for entry in fields(Settings):
+            now, then = getattr(self.settings, entry.name), getattr(settings, entry.name)
+            if entry.metadata.get("read_only") and now != then:
+                raise InvalidSettings(f"{entry.name} is {now!r} and cannot become {then!r} while supervising")
+        self._set(settings)
+        for stage in (self._intake, self._estimator, self._assessor, self._latch):
+            stage.configure(settings)
+
+    @property
+    def standing(self) -> bool:
+        """Whether the last good sample is fresh and shows no motion."""
+        good, slow = self._good, self.settings.standstill_speed
+        return good is not None and not self._stale and all(-slow <= rate <= slow for rate in good.velocity)
+
+    def fail(self, seen_ns: int, text: str) -> Verdict:
+        """The verdict after an error inside: UNKNOWN, whatever the samples said, until one is judged without error."""
+        self._found = [Finding(Cause.INTERNAL, Level.UNKNOWN, nan, nan, "", text)]
+        self._hold(seen_ns)
+        return self._verdict(seen_ns)
+
+    def _pass_time(self, seen_ns: int) -> bool:
+        """Silence since the last good sample, noticed now but dated to when it began to count. What the last sample
+        showed holds until another shows otherwise."""
+        good, latch = self._good, self._latch
+        latch.keep(self._found, seen_ns)
+        if good is None:
+            text = "no usable sample has arrived"
+            self._silence = [Finding(Cause.NO_DATA, Level.UNKNOWN, nan, nan, "", text)]
+        else:
+            limit_ns = good.seen_ns + self._stale_ns
+            if seen_ns <= limit_ns:
+                return False
+            limit = self.settings.stale_s
+            text = f"no usable sample for more than {limit * 1e3:.0f} ms"
+            self._silence = [Finding(Cause.STALE, Level.UNKNOWN, (seen_ns - good.seen_ns) / S, limit, "s", text)]
+            if not self._stale:
+                self._stale = True
+                latch.update(self._silence, limit_ns)
+        latch.keep(self._silence, seen_ns)
+        return self._hold(seen_ns)
+
+    def _hold(self, seen_ns: int) -> bool:
+        """What holds now: what the last sample showed, and the silence since the last good one."""
+        return self._latch.update([*self._found, *self._silence], seen_ns)
+
+    def _sample(self, sample: JointSample) -> SingularityState:
+        self._samples += 1
+        accepted = self._intake.check(sample)
+        if isinstance(accepted, Rejected):
+            return self._rejected(sample, accepted)
+        estimate = self._estimator.update(accepted)
+        if isinstance(estimate, Rejected):
+            return self._rejected(sample, estimate)
+        lost_track, self._estimator.lost_track = self._estimator.lost_track, False
+        assessment = self._assessor.assess(estimate.position, lost_track)
+        at = assessment.at
+        if at.status != SOLVED:
+            self._found = self._policy.judge(estimate, assessment, None, (), 0)
+            self._hold(sample.seen_ns)
+            return self._reporter.unsolved(estimate, self._samples, _causes(self._found))
+        self._good, self._stale, self._silence = estimate, False, []
+        outlook = self._foresee(assessment, estimate)
+        reaction = self._reporter.reaction(estimate, assessment)
+        found = self._found = self._policy.judge(estimate, assessment, outlook, reaction, self._latch.now.causes)
+        escape: Floats = ()
+        if found and not self._latch.latched and any(finding.level == Level.STOP for finding in found):
+            escape = self._escape(assessment, found)
+        self._latch.update(found, sample.seen_ns, escape)
+        level = max([finding.level for finding in found]) if found else Level.OK
+        return self._reporter.solved(estimate, assessment, outlook, reaction, self._samples, level, _causes(found))
+
+    def _rejected(self, sample: JointSample, why: Rejected) -> SingularityState:
+        self.rejections[why.cause] = self.rejections.get(why.cause, 0) + 1
+        if not why.harmless:
+            self._found = [Finding(why.cause, Level.UNKNOWN, nan, nan, "", why.text)]
+            self._hold(sample.seen_ns)
+        return self._reporter.rejected(sample, self._samples, why.cause)
+
+    def _reset(self, reset: Reset) -> str:
+        good = self._good
+        if good is None or self._stale:
+            return "no good sample to judge by"
+        if unknown := [f for f in self._found if f.level == Level.UNKNOWN and not f.cause & Cause.BRANCH]:
+            return f"the state of the robot is not known: {unknown[0].text}"
+        if reset.seed_pose and (doubt := self._other_branch(good.position, reset.seed_pose)):
+            return doubt
+        # The operator has looked: what only a look can tell is told. What can be seen, as a wrong mode, is seen again.
+        assessment = self._assessor.confirmed(good.position)
+        outlook = self._foresee(assessment, good)
+        active = self._policy.judge(good, assessment, outlook, self._reporter.reaction(good, assessment), 0)
+        refusal = self._latch.reset(reset.event, reset.seen_ns, self.standing, active)
+        if not refusal:
+            self._assessor.confirm()
+            self._found = active
+        return refusal
+
+    def _other_branch(self, joints: Floats, seed_pose: Floats) -> str:
+        """Why the platform that an operator sees at a pose is not in the configured assembly mode; empty if it is."""
+        answer = solve_direct(self.robot, joints, 0, seed_pose)
+        if answer.message or answer.status[0] != SOLVED:
+            return answer.message or "the joints determine no pose to compare the seed pose with"
+        seen, configured = answer.assembly_mode[0], self.settings.assembly_mode
+        if seen == configured:
+            return ""
+        return f"the seed pose is nearest to assembly mode {seen:+d}, the settings say {configured:+d}"
+
+    def _foresee(self, assessment: Assessment, estimate: Estimate) -> Outlook | None:
+        """None where there is nothing to start from."""
+        if assessment.at.status != SOLVED or not isfinite(sum(estimate.velocity)):
+            return None
+        return self._foresight.foresee(assessment.at, estimate.velocity, estimate.ahead_s)
+
+    def _escape(self, assessment: Assessment, found: list[Finding]) -> Floats:
+        """Unit vector in joint space along which the margin that caused the stop grows most."""
+        cause = next(finding.cause for finding in found if finding.level == Level.STOP)
+        kind = next((i for i, bit in enumerate(KINDS) if cause & bit), -1)
+        if kind < 0:
+            return ()
+        q = assessment.at.joints
+        slope = []
+        for j in range(len(q)):
+            ahead, behind = (self._margin(q, j, step, kind) for step in (PROBE, -PROBE))
+            slope.append(ahead - behind)
+        size = sqrt(sum([s * s for s in slope]))
+        return tuple([s / size for s in slope]) if 0.0 < size < inf else ()
+
+    def _margin(self, q: Floats, joint: int, step: float, kind: int) -> float:
+        moved = tuple([value + step if j == joint else value for j, value in enumerate(q)])
+        at = self.robot.mechanism.posture(moved, self.settings.assembly_mode)
+        return margins_of(at)[kind] if at.status == SOLVED else 0.0
+
+    def _speak(self, seen_ns: int, changed: bool) -> Verdict | None:
+        if not changed and seen_ns - self._spoken_ns < self._heartbeat_ns:
+            return None
+        return self._verdict(seen_ns)
+
+    def _verdict(self, seen_ns: int) -> Verdict:
+        self._verdicts += 1
+        self._spoken_ns = seen_ns
+        now = self._latch.now
+        return Verdict(
+            self._good.stamp_ns if self._good else 0,
+            now.level,
+            now.causes,
+            now.latched,
+            now.event,
+            now.escape,
+            _text(now.findings),
+            self._verdicts,
+            self._hash,
+            now.since_ns,
+            now.speed_scale,
+            now.findings,
+        )
+
+
+def _causes(findings: list[Finding]) -> int:
+    causes = 0
+    for finding in findings:
+        causes |= int(finding.cause)
+    return causes
+
+
+def _text(findings: tuple[Finding, ...]) -> str:
+    """The worst finding first, all of them named."""
+    ordered = sorted(findings, key=lambda finding: -finding.level)
+    return "; ".join(finding.text for finding in ordered)

@@ -1,0 +1,125 @@
+"""Numbers against limits: the only place that compares with a threshold. The test is written for what is accepted,
+so that NaN falls through to the severe answer."""
+
+from __future__ import annotations
+
+from math import nan
+from operator import le
+
+from irsbot_msgs_py.records import Cause, Finding, Floats, Level
+from irsbot_supervisor.core.assess import SOLVED, Assessment, Margins
+from irsbot_supervisor.core.estimator import Estimate
+from irsbot_supervisor.core.outlook import Outlook, limits_of
+from irsbot_supervisor.core.settings import Settings
+
+KINDS = (Cause.TYPE1, Cause.TYPE2, Cause.CONSTRAINT, Cause.LIMB)
+"""The margins in the order of `assess.Margins`."""
+
+ANY_MARGIN = int(Cause.TYPE1 | Cause.TYPE2 | Cause.CONSTRAINT | Cause.LIMB)
+"""All margins as a plain number: arithmetic on flags costs a microsecond each."""
+
+OBSERVABLE = 0.1
+"""1: leg forces are read from motor efforts only where the Type 1 margin is above this. Dividing by a smaller one
+multiplies friction and current errors more than ten times."""
+
+WORDS = {
+    Cause.TYPE1: "Type 1 margin",
+    Cause.TYPE2: "Type 2 margin",
+    Cause.CONSTRAINT: "constraint margin",
+    Cause.LIMB: "limb margin",
+}
+
+
+class Policy:
+    """The limits of one robot, applied."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._warn = limits_of(settings, "warn")
+        self._stop = limits_of(settings, "stop")
+        self._release = 1.0 + settings.hysteresis
+        self._names = settings.joint_names
+        self._speed = settings.velocity_limit
+        self._reaction_level = {"off": Level.OK, "warn": Level.WARN, "stop": Level.STOP}[settings.reaction_check]
+        self._reaction_limit = settings.reaction_limit_n
+
+    def judge(
+        self, estimate: Estimate, assessment: Assessment, outlook: Outlook | None, reaction: Floats, held: int
+    ) -> list[Finding]:
+        """Everything about one good sample that is not OK. `held`: sum of the causes that were found just before."""
+        if assessment.at.status != SOLVED:
+            return [self._not_assembled(assessment), *self._branch(assessment)]
+        findings = self._branch(assessment) if assessment.branch_fault else []
+        if outlook is None:
+            findings.append(_finding(Cause.DEGRADED, Level.UNKNOWN, estimate.degraded))
+            return findings
+        floor, warn = outlook.floor, self._warn
+        if not (floor[0] >= warn[0] and floor[1] >= warn[1] and floor[2] >= warn[2] and floor[3] >= warn[3]):
+            findings += self._margins(assessment.margins, floor)
+        elif held & ANY_MARGIN:
+            findings += self._lingering(floor, held)
+        if not all(map(le, map(abs, estimate.velocity), self._speed)):
+            findings += self._speeding(estimate.velocity)
+        if estimate.degraded:
+            findings.append(_finding(Cause.DEGRADED, Level.WARN, estimate.degraded))
+        if self._reaction_level:
+            findings += self._reactions(reaction, assessment.at.sines)
+        return findings
+
+    def _margins(self, now: Margins, floor: Margins) -> list[Finding]:
+        findings = []
+        for kind, value, least, warn, stop in zip(KINDS, now, floor, self._warn, self._stop, strict=True):
+            if least >= warn:
+                continue
+            level, limit = (Level.WARN, warn) if least >= stop else (Level.STOP, stop)
+            if value >= limit:
+                text = f"{WORDS[kind]} {value:.4f} would fall to {least:.4f} before standstill, limit {limit:.4f}"
+                findings.append(Finding(kind | Cause.BRAKING, level, least, limit, "1", text))
+            else:
+                text = f"{WORDS[kind]} {value:.4f}, limit {limit:.4f}"
+                findings.append(Finding(kind, level, value, limit, "1", text))
+        return findings
+
+    def _lingering(self, floor: Margins, held: int) -> list[Finding]:
+        """A warning ends a little above the limit where it began."""
+        findings = []
+        for kind, least, warn in zip(KINDS, floor, self._warn, strict=True):
+            if held & kind and not least >= warn * self._release:
+                text = f"{WORDS[kind]} {least:.4f}, warning until {warn * self._release:.4f}"
+                findings.append(Finding(kind, Level.WARN, least, warn * self._release, "1", text))
+        return findings
+
+    def _speeding(self, velocity: Floats) -> list[Finding]:
+        findings = []
+        for name, rate, limit in zip(self._names, velocity, self._speed, strict=True):
+            if not abs(rate) <= limit:
+                text = f"joint '{name}' moves at {rate:.4g}, limit {limit:.4g}"
+                findings.append(Finding(Cause.SPEED, Level.WARN, abs(rate), limit, "rad/s or m/s", text))
+        return findings
+
+    def _reactions(self, reaction: Floats, sines: Floats) -> list[Finding]:
+        """Forces that are not observable, near Type 1, are the business of the Type 1 margin; others must be known."""
+        findings = []
+        level, limit = self._reaction_level, self._reaction_limit
+        for leg, (force, sine) in enumerate(zip(reaction, sines, strict=True), 1):
+            if abs(force) <= limit or abs(sine) < OBSERVABLE:
+                continue
+            said = f"carries {force:.1f} N" if force == force else "has no measured force"
+            text = f"leg {leg} {said}, limit {limit:.1f} N"
+            findings.append(Finding(Cause.REACTION, level, abs(force), limit, "N", text))
+        return findings
+
+    @staticmethod
+    def _branch(assessment: Assessment) -> list[Finding]:
+        if not assessment.branch_fault:
+            return []
+        return [_finding(Cause.BRANCH, Level.UNKNOWN, assessment.branch_fault)]
+
+    @staticmethod
+    def _not_assembled(assessment: Assessment) -> Finding:
+        gap = assessment.at.gaps[0]
+        text = f"no pose belongs to the joints: assembly gap {gap * 1e3:.3f} mm"
+        return Finding(Cause.NOT_ASSEMBLED, Level.UNKNOWN, gap, 0.0, "m", text)
+
+
+def _finding(cause: Cause, level: Level, text: str) -> Finding:
+    return Finding(cause, level, nan, nan, "", text)

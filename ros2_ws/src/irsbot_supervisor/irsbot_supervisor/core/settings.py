@@ -1,0 +1,160 @@
+"""All settings of the supervision in one frozen object, declared once with unit, range and meaning."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
+from sys import float_info
+from typing import Any
+
+from irsbot_kinematics import Robot
+
+LEAST_LIMIT = 1e-3
+"""1: a limit of 0 would accept a margin of 0, which is singular, and means nothing could be proved where it is a bound.
+"""
+
+
+class InvalidSettings(ValueError):
+    """Settings that cannot be used; the message names every fault with the values."""
+
+
+def _number(default: float, unit: str, text: str, low: float, high: float) -> Any:
+    return field(default=default, metadata={"unit": unit, "text": text, "low": low, "high": high})
+
+
+def _each_joint(unit: str, text: str, low: float, high: float) -> Any:
+    metadata = {"unit": unit, "text": text, "low": low, "high": high, "each_joint": True}
+    return field(default=(), metadata=metadata)
+
+
+def _word(default: str, text: str, words: tuple[str, ...] = ()) -> Any:
+    return field(default=default, metadata={"unit": "", "text": text, "words": words, "read_only": not words})
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Limits and timing of one supervised robot. Field metadata: unit, text, low, high, read_only, each_joint.
+
+    Margins are numbers without unit in 0..1: `*_stop` is where the robot must never get, `*_warn` where it is told.
+    """
+
+    robot: str = _word("irsbot2", "preset name or YAML file of the robot")
+    joint_names: tuple[str, ...] = field(
+        default=(), metadata={"unit": "", "text": "names in JointState, robot order", "read_only": True}
+    )
+    working_mode: tuple[int, ...] = field(
+        default=(), metadata={"unit": "", "text": "sign per leg; empty: the usual mode", "read_only": True}
+    )
+    assembly_mode: int = field(default=0, metadata={"unit": "", "text": "label; 0: the usual mode", "read_only": True})
+    type1_warn: float = _number(0.25, "1", "warn when a leg is this near straight or folded", LEAST_LIMIT, 1.0)
+    type1_stop: float = _number(0.15, "1", "stop before a leg is this near straight or folded", LEAST_LIMIT, 1.0)
+    type2_warn: float = _number(0.25, "1", "warn when cos of a pressure angle is this small", LEAST_LIMIT, 1.0)
+    type2_stop: float = _number(0.15, "1", "stop before cos of a pressure angle is this small", LEAST_LIMIT, 1.0)
+    constraint_warn: float = _number(0.05, "1", "warn when the constraint margin is this small", LEAST_LIMIT, 1.0)
+    constraint_stop: float = _number(0.03, "1", "stop before the constraint margin is this small", LEAST_LIMIT, 1.0)
+    limb_warn: float = _number(0.25, "1", "warn when a limb margin is this small", LEAST_LIMIT, 1.0)
+    limb_stop: float = _number(0.15, "1", "stop before a limb margin is this small", LEAST_LIMIT, 1.0)
+    hysteresis: float = _number(0.05, "1", "a warning ends when the margin is this share above its limit", 0.0, 1.0)
+    dwell_s: float = _number(0.05, "s", "a level falls only after it has been lower for this long", 0.0, 10.0)
+    velocity_limit: tuple[float, ...] = _each_joint("rad/s or m/s", "fastest motion of each joint", 1e-6, 1e4)
+    deceleration_limit: tuple[float, ...] = _each_joint("rad/s2 or m/s2", "braking of each joint", 1e-6, 1e6)
+    latency_s: float = _number(0.01, "s", "from the arrival of a sample to the first braking of the joints", 0.0, 1.0)
+    stale_s: float = _number(0.05, "s", "a good sample older than this is no knowledge", 0.001, 10.0)
+    heartbeat_s: float = _number(0.01, "s", "longest silence between verdicts", 0.001, 0.02)
+    age_limit_s: float = _number(0.2, "s", "oldest acceptable stamp on arrival", 0.001, 10.0)
+    future_limit_s: float = _number(0.02, "s", "how far ahead of our clock a stamp may be", 0.0, 10.0)
+    standstill_speed: float = _number(0.02, "rad/s or m/s", "slower than this is standing still", 0.0, 10.0)
+    encoder_resolution: float = _number(1e-5, "rad or m", "smallest step of a joint position", 0.0, 0.1)
+    encoder_offset: float = _number(0.0, "rad or m", "largest error of a joint's zero", 0.0, 0.1)
+    geometry_tolerance_m: float = _number(0.0, "m", "largest error of a leg's length and place", 0.0, 0.1)
+    load_force_n: float = _number(10.0, "N", "force on the platform for reaction_max, besides the payload", 0.0, 1e6)
+    payload_kg: float = _number(0.0, "kg", "platform and payload, whose weight adds to the load", 0.0, 1e4)
+    gravity_m_s2: float = _number(9.80665, "m/s2", "what the payload weighs by", 0.0, 100.0)
+    load_moment_nm: float = _number(0.0, "N m", "moment on the platform for reaction_max", 0.0, 1e6)
+    reaction_check: str = _word("off", "what an excessive leg force leads to", ("off", "warn", "stop"))
+    reaction_limit_n: float = _number(1000.0, "N", "largest admissible leg force", 0.0, 1e9)
+
+    @property
+    def config_hash(self) -> str:
+        """Equal for equal settings; part of every verdict."""
+        return hashlib.sha256(json.dumps(asdict(self), sort_keys=True).encode()).hexdigest()[:16]
+
+
+def settings_from(values: Mapping[str, Any], robot: Robot) -> Settings:
+    """Settings from a mapping (YAML, parameters, journal), completed for a robot and checked as a whole.
+
+    Empty names and modes become the robot's; one limit for all joints is repeated. Raises InvalidSettings naming
+    every fault.
+    """
+    known = {entry.name: entry for entry in fields(Settings)}
+    if unknown := sorted(set(values) - set(known), key=str):
+        raise InvalidSettings(f"unknown setting '{unknown[0]}'; known are {', '.join(known)}")
+    n = len(robot.mechanism.joints)
+    given: dict[str, Any] = {}
+    for name, value in values.items():
+        given[name] = _read(value, known[name].metadata, n)
+    given["joint_names"] = given.get("joint_names") or tuple(joint.name for joint in robot.mechanism.joints)
+    given["working_mode"] = given.get("working_mode") or robot.mechanism.usual_working_mode
+    given["assembly_mode"] = given.get("assembly_mode") or robot.mechanism.usual_assembly_mode
+    settings = Settings(**given)
+    if faults := _single_faults(settings, n) or _cross_faults(settings, robot):
+        raise InvalidSettings("; ".join(faults))
+    return settings
+
+
+def _read(value: Any, metadata: Mapping[str, Any], n: int) -> Any:
+    """A value as the settings keep it: tuples, floats, one per joint. What is of no use is left for the check."""
+    if metadata.get("words") and value is False:
+        return "off"  # what YAML makes of the bare word
+    each = tuple(value) if isinstance(value, (list, tuple)) else (value,)
+    if "low" in metadata:
+        each = tuple(float(number) if _is_number(number) else number for number in each)
+    if metadata.get("each_joint"):
+        return each * n if len(each) == 1 else each
+    return each if isinstance(value, (list, tuple)) else each[0]
+
+
+def _single_faults(settings: Settings, n: int) -> list[str]:
+    faults = []
+    for entry in fields(settings):
+        value = getattr(settings, entry.name)
+        each = value if isinstance(value, tuple) else (value,)
+        words, low, high, unit = (entry.metadata.get(key) for key in ("words", "low", "high", "unit"))
+        if entry.metadata.get("each_joint") and len(each) != n:
+            faults.append(f"{entry.name} has {len(each)} values, must have {n}, one per joint")
+        elif isinstance(value, tuple) != isinstance(entry.default, tuple):
+            faults.append(f"{entry.name} is {value!r}, must be {'a list' if entry.default == () else 'one value'}")
+        elif words and value not in words:
+            faults.append(f"{entry.name} is {value!r}, must be one of {', '.join(words)}")
+        elif low is not None:
+            wrong = [number for number in each if not (_is_number(number) and low <= number <= high)]
+            faults += [f"{entry.name} is {number!r}, must be in {low:g}..{high:g} {unit}" for number in wrong]
+        else:
+            kind = int if entry.name.endswith("_mode") else str
+            wrong = [item for item in each if not isinstance(item, kind)]
+            faults += [f"{entry.name} holds {item!r}, must be {kind.__name__}" for item in wrong]
+    return faults
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= float_info.max
+
+
+def _cross_faults(settings: Settings, robot: Robot) -> list[str]:
+    faults = []
+    for kind in ("type1", "type2", "constraint", "limb"):
+        warn, stop = getattr(settings, f"{kind}_warn"), getattr(settings, f"{kind}_stop")
+        if not warn >= stop:
+            faults.append(f"{kind}_warn ({warn!r}) must be at least {kind}_stop ({stop!r})")
+    if not settings.heartbeat_s <= settings.stale_s:
+        faults.append(f"heartbeat_s ({settings.heartbeat_s!r}) must not exceed stale_s ({settings.stale_s!r})")
+    names = settings.joint_names
+    if len(names) != len(robot.mechanism.joints) or len(set(names)) != len(names):
+        faults.append(f"joint_names {list(names)} must be {len(robot.mechanism.joints)} different names")
+    if settings.working_mode not in robot.mechanism.working_modes:
+        faults.append(f"working_mode {settings.working_mode} must be one of {robot.mechanism.working_modes}")
+    if settings.assembly_mode not in robot.mechanism.assembly_modes:
+        faults.append(f"assembly_mode {settings.assembly_mode} must be one of {robot.mechanism.assembly_modes}")
+    return faults

@@ -1,0 +1,1 @@
+"""Shells around the core: convert, step, convert, publish. The part of this package that needs rclpy."""

@@ -1,0 +1,52 @@
+"""The service CheckTrajectory: request, certificate, response."""
+
+from __future__ import annotations
+
+from math import nan
+
+from irsbot_msgs.srv import CheckTrajectory
+
+from irsbot_kinematics import Robot
+from irsbot_msgs_py.stamps import NS_PER_S, nanoseconds
+from irsbot_supervisor.core.certify import BadTrajectory, Certificate, certify
+from irsbot_supervisor.core.policy import KINDS
+from irsbot_supervisor.core.settings import Settings
+
+
+def checked(
+    robot: Robot, settings: Settings, request: CheckTrajectory.Request, response: CheckTrajectory.Response
+) -> CheckTrajectory.Response:
+    """Fill in the response. A trajectory that is none is not safe, and the message says why."""
+    try:
+        found = _certificate(robot, settings, request)
+    except BadTrajectory as error:
+        response.safe, response.message, response.violation_time = False, str(error), nan
+        return response
+    response.safe = found.safe
+    response.margin_cause = [int(kind) for kind in KINDS]
+    response.margin_min = [value for value, _time in found.minima]
+    response.margin_min_time = [time for _value, time in found.minima]
+    violation = found.violation
+    response.message = violation.text if violation else ""
+    response.violation_time = violation.time_s if violation else nan
+    if violation:
+        response.violation_cause = violation.cause
+        response.violation_value, response.violation_limit = violation.value, violation.limit
+        response.violation_joints, response.violation_pose = violation.joints, violation.pose
+    return response
+
+
+def _certificate(robot: Robot, settings: Settings, request: CheckTrajectory.Request) -> Certificate:
+    trajectory = request.trajectory
+    names = list(trajectory.joint_names)
+    if sorted(names) != sorted(settings.joint_names):
+        raise BadTrajectory(f"joint names {names} must be {list(settings.joint_names)} in any order")
+    order = [names.index(joint) for joint in settings.joint_names]
+    points = trajectory.points
+    if any(len(point.positions) != len(names) or len(point.velocities) not in (0, len(names)) for point in points):
+        raise BadTrajectory(f"every point needs {len(names)} positions, and {len(names)} velocities or none")
+    times = [nanoseconds(p.time_from_start.sec, p.time_from_start.nanosec) / NS_PER_S for p in points]
+    positions = [[point.positions[i] for i in order] for point in points]
+    cubic = bool(points) and all(len(point.velocities) for point in points)
+    velocities = [[point.velocities[i] for i in order] for point in points] if cubic else ()
+    return certify(robot, settings, times, positions, velocities, request.assembly_mode)

@@ -1,0 +1,66 @@
+"""/diagnostics once a second: one status per check, through the standard messages."""
+
+from __future__ import annotations
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.node import Node
+
+from irsbot_msgs_py.records import Cause, Level, Verdict
+from irsbot_supervisor.core.pipeline import Supervisor
+from irsbot_supervisor.core.settings import Settings
+
+PERIOD_S = 1.0
+"""s between diagnostic messages, the customary rate."""
+
+CHECKS = {
+    "margins": Cause.TYPE1 | Cause.TYPE2 | Cause.CONSTRAINT | Cause.LIMB | Cause.BRAKING,
+    "motion": Cause.SPEED | Cause.REACTION,
+    "branch": Cause.NOT_ASSEMBLED | Cause.BRANCH,
+    "joint states": Cause.NO_DATA | Cause.STALE | Cause.STAMP | Cause.NAMES | Cause.NONFINITE | Cause.IMPLAUSIBLE,
+    "velocities": Cause.DEGRADED,
+    "supervisor": Cause.INTERNAL | Cause.LATCHED,
+}
+"""Which causes each check looks at."""
+
+_LEVELS = {
+    Level.OK: DiagnosticStatus.OK,
+    Level.WARN: DiagnosticStatus.WARN,
+    Level.STOP: DiagnosticStatus.ERROR,
+    Level.UNKNOWN: DiagnosticStatus.STALE,
+}
+
+
+class DiagnosticsPublisher:
+    """Remembers the newest verdict and reports it, with the counts of rejected samples."""
+
+    def __init__(self, node: Node, settings: Settings) -> None:
+        self._node = node
+        self._hardware = settings.robot
+        self._verdict: Verdict | None = None
+        self._supervisor: Supervisor | None = None
+        self.publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self.timer = node.create_timer(PERIOD_S, self._report)
+
+    def watch(self, verdict: Verdict, supervisor: Supervisor) -> None:
+        """The newest verdict."""
+        self._verdict, self._supervisor = verdict, supervisor
+
+    def _report(self) -> None:
+        verdict, supervisor = self._verdict, self._supervisor
+        if verdict is None or supervisor is None:
+            return
+        message = DiagnosticArray()
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        for check, causes in CHECKS.items():
+            found = [finding for finding in verdict.findings if finding.cause & causes]
+            level = max((finding.level for finding in found), default=Level.OK)
+            if check == "supervisor" and verdict.latched:
+                level = max(level, Level.STOP)
+            status = DiagnosticStatus(level=_LEVELS[level], hardware_id=self._hardware)
+            status.name = f"{self._node.get_fully_qualified_name()}: {check}"
+            status.message = "; ".join(finding.text for finding in found) or "OK"
+            if check == "joint states":
+                rejected = supervisor.rejections.items()
+                status.values = [KeyValue(key=f"rejected {c.name}", value=str(n)) for c, n in rejected]
+            message.status.append(status)
+        self.publisher.publish(message)

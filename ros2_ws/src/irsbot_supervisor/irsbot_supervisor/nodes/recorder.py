@@ -1,0 +1,204 @@
+"""recorder_node: everything needed to judge a run again, into a bag that survives the death of this process."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from irsbot_msgs.msg import RecorderHealth as RecorderHealthMsg
+from irsbot_msgs.msg import SingularityState, Verdict
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from trajectory_msgs.msg import JointTrajectory
+
+from irsbot_msgs_py.cdr import CdrError, decode_string
+from irsbot_msgs_py.convert import health_msg
+from irsbot_msgs_py.health import RecorderHealth, RecorderState
+from irsbot_msgs_py.records import Configure
+from irsbot_msgs_py.shell import FAILED, UsageError, run
+from irsbot_supervisor.blackbox import BlackBox, Kept, StopWatch
+from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.journal import JournalError, read_entry
+from irsbot_supervisor.mcap_writer import BagError
+from irsbot_supervisor.nodes.taps import Source, Taken, Taps
+from irsbot_supervisor.tape import TapeWriter, installed_topic
+
+MIB = 1024 * 1024
+HEALTH_PERIOD_S = 1.0
+
+# Parameter below `topics.`, its default, type, and whether it is offered transient local.
+TOPICS: dict[str, tuple[str, Any, bool]] = {
+    "joint_states": ("joint_states", JointState, False),
+    "state": ("supervisor/state", SingularityState, False),
+    "verdict": ("supervisor/verdict", Verdict, True),
+    "journal": ("supervisor/journal", String, True),
+    "joint_trajectory": ("joint_trajectory", JointTrajectory, False),
+    "command_in": ("command_in", JointTrajectory, False),
+    "command_out": ("command_out", JointTrajectory, False),
+    "diagnostics": ("/diagnostics", DiagnosticArray, False),
+}
+VERDICT, JOURNAL = list(TOPICS).index("verdict"), list(TOPICS).index("journal")
+
+
+class RecorderNode(Node):
+    """Takes what has arrived 50 times per second and hands it to the operating system at once."""
+
+    def __init__(self) -> None:
+        super().__init__("recorder")
+        self.exit_code: int | None = None
+        output = self._parameter("output", "", "new directory, or file with the suffix .mcap; empty: a dated one here")
+        mode = self._parameter("mode", "all", "'all', or 'blackbox': only what surrounds a stop")
+        period_s = self._parameter("flush_s", 0.02, "messages are taken and written this often [s]", (0.001, 0.25))
+        keep_s = self._parameter("keep_s", 10.0, "how much before a stop is kept in mode blackbox [s]", (0.1, 3600.0))
+        after_s = self._parameter("after_s", 5.0, "how much after a stop is kept in mode blackbox [s]", (0.0, 3600.0))
+        keep_mib = self._parameter("keep_mib", 64, "most memory for what precedes a stop [MiB]", (1, 4096))
+        depth = self._parameter("depth", 2000, "messages per topic that the middleware holds for us", (10, 100_000))
+        self._reserve_bytes = MIB * self._parameter(
+            "reserve_mib", 64, "recording ends before less is free [MiB]", (0, 10**6)
+        )
+        compression = self._parameter("compression", "", "of the chunks: '' or 'zstd'")
+        if mode not in ("all", "blackbox"):
+            raise UsageError(f"mode is 'all' or 'blackbox', not '{mode}'")
+        self._box = BlackBox(int(keep_s * 1e9), int(after_s * 1e9), keep_mib * MIB) if mode == "blackbox" else None
+        self._stops = StopWatch()
+        sources = [
+            Source(
+                self.resolve_topic_name(self._parameter(f"topics.{name}", default, "topic to record")), kind, latched
+            )
+            for name, (default, kind, latched) in TOPICS.items()
+        ]
+        target = Path(output or time.strftime("irsbot_%Y%m%d_%H%M%S"))
+        if lack := self._lack_of_space(target):
+            raise UsageError(f"cannot record to '{target}': {lack}")
+        self._tape = TapeWriter(target, compression)
+        self._channels = [self._tape.channel(installed_topic(s.topic, _type(s.type), s.latched)) for s in sources]
+        self._state, self._text, self._slowest_s = RecorderState.RECORDING, "", 0.0
+        latest = QoSProfile(
+            depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
+        )
+        self._health = self.create_publisher(RecorderHealthMsg, "~/health", latest)
+        self._taps = Taps(self, sources, depth)
+        self.create_timer(period_s, self._write)
+        self.create_timer(HEALTH_PERIOD_S, self._report)
+        self._report()
+        self.get_logger().info(f"recording to {self._tape.file.path}")
+
+    def close(self) -> None:
+        """Write what has arrived until now and finish the bag."""
+        if self._state == RecorderState.RECORDING:
+            self._write()
+        if self._state == RecorderState.RECORDING:
+            self._finish(RecorderState.STOPPED, "")
+        self._taps.close()
+
+    def _write(self) -> None:
+        """One turn: take, write, hand over; end before the disk is full."""
+        if self._state != RecorderState.RECORDING:
+            return
+        begin = time.perf_counter()
+        try:
+            for message in self._taps.take():
+                self._keep(message)
+            self._tape.flush()
+        except Exception as error:  # BagError, or an error of ours: either way nothing more can be promised
+            self._finish(RecorderState.WRITE_ERROR, str(error) if isinstance(error, BagError) else repr(error))
+            return
+        self._slowest_s = max(self._slowest_s, time.perf_counter() - begin)
+        if lack := self._lack_of_space(self._tape.file.path):
+            self._finish(RecorderState.DISK_FULL, lack)
+
+    def _keep(self, taken: Taken) -> None:
+        received_ns, sent_ns, source, data = taken
+        channel = self._channels[source]
+        if source == JOURNAL:
+            self._keep_configuration(taken)
+        if self._box is None or source == JOURNAL:
+            self._tape.write(channel, received_ns, sent_ns, data)
+            return
+        wanted = self._box.pass_on(Kept(received_ns, sent_ns, channel, data))
+        if source == VERDICT and self._stops.is_new_stop(data):
+            wanted = self._box.stop(received_ns) or wanted
+        for kept in wanted:
+            self._tape.write(kept.channel, kept.log_ns, kept.publish_ns, kept.data)
+
+    def _keep_configuration(self, message: Taken) -> None:
+        """The configuration also goes into the file as YAML, for readers that do not know the journal."""
+        try:
+            entry = read_entry(decode_string(message.data))
+            if isinstance(entry, Configure):
+                values = {"settings": entry.values, "machine": entry.machine}
+                self._tape.add_configuration(values, Settings(**entry.values).config_hash, message.received_ns)
+        except (CdrError, JournalError, TypeError) as error:  # TypeError: settings of another version
+            self.get_logger().warning(f"journal: {error}", throttle_duration_sec=1.0)
+
+    def _lack_of_space(self, path: Path) -> str:
+        """A sentence when less than the reserve is free, else nothing."""
+        free = _free(path)
+        if free >= self._reserve_bytes:
+            return ""
+        return f"{free // MIB} MiB free, less than the reserve of {self._reserve_bytes // MIB} MiB"
+
+    def _finish(self, state: RecorderState, text: str) -> None:
+        """Close the bag, say so, and leave with a code that tells."""
+        try:
+            self._tape.close()
+        except BagError as error:
+            state, text = RecorderState.WRITE_ERROR, text or str(error)
+        self._state, self._text = state, text
+        self._report()
+        if state != RecorderState.STOPPED:
+            self.get_logger().fatal(f"recording ended: {text}")
+            self.exit_code = FAILED
+
+    def _report(self) -> None:
+        file = self._tape.file
+        overflowed = self._box.overflowed if self._box is not None else 0
+        record = RecorderHealth(
+            stamp_ns=self.get_clock().now().nanoseconds,
+            state=self._state,
+            file=str(file.path),
+            messages_written=file.message_count,
+            messages_dropped=self._taps.lost + overflowed,
+            bytes_written=file.bytes_written,
+            bytes_free=_free(file.path),
+            write_time_max=self._slowest_s,
+            text=self._text,
+        )
+        self._slowest_s = 0.0
+        self._health.publish(health_msg(record))
+
+    def _parameter(self, name: str, default: Any, text: str, limits: tuple[float, float] | None = None) -> Any:
+        descriptor = ParameterDescriptor(description=text, read_only=True)
+        if limits is not None and isinstance(default, float):
+            descriptor.floating_point_range = [FloatingPointRange(from_value=limits[0], to_value=limits[1])]
+        elif limits is not None:
+            descriptor.integer_range = [IntegerRange(from_value=int(limits[0]), to_value=int(limits[1]))]
+        return self.declare_parameter(name, default, descriptor).value
+
+
+def _type(kind: Any) -> str:
+    return f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"
+
+
+def _free(path: Path) -> int:
+    """Bytes free for us on the file system of a path, whose last parts may not exist yet."""
+    while not path.exists() and path != path.parent:
+        path = path.parent
+    status = os.statvfs(path)
+    return status.f_bavail * status.f_frsize
+
+
+def main() -> None:
+    """Entry point of `ros2 run irsbot_supervisor recorder_node`."""
+    sys.exit(run(RecorderNode, usage_errors=(BagError,)))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,149 @@
+"""simulated_joints_node: in place of hardware. A shell around `sim.machine.Machine` and `sim.faults.FaultInjector`.
+
+The robot moves in a thread of its own, paced by the steady clock without drift; callbacks only hand over to it.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from queue import SimpleQueue
+
+from irsbot_msgs.msg import Verdict
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory
+
+from irsbot_kinematics import KinematicsError
+from irsbot_msgs_py.cdr import CdrError, decode_verdict, encode_joint_state
+from irsbot_msgs_py.records import JointSample, Level
+from irsbot_msgs_py.shell import FAILED, run
+from irsbot_msgs_py.stamps import NS_PER_S, nanoseconds
+from irsbot_supervisor.nodes.pacing import Pacer, RosTime
+from irsbot_supervisor.nodes.simulation_parameters import declare_simulation
+from irsbot_supervisor.sim.command import Command, commanded
+from irsbot_supervisor.sim.errors import BadFault, BadPath, SimulationError
+from irsbot_supervisor.sim.faults import FaultInjector, parse_faults
+from irsbot_supervisor.sim.obedience import Obedience
+from irsbot_supervisor.sim.simulation import build
+
+STREAM = QoSProfile(depth=200, reliability=ReliabilityPolicy.RELIABLE)
+LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+TOO_LATE_NS = 50_000_000
+"""ns: after a stall of the process the samples that are later than this are not sent any more; the robot has moved."""
+
+
+class SimulatedJointsNode(Node):
+    """Moves as its scenario says while the verdict allows it, and publishes what the encoders read."""
+
+    def __init__(self) -> None:
+        super().__init__("simulated_joints")
+        self.exit_code: int | None = None
+        self._simulation, self._robot = declare_simulation(self)
+        self._machine, scenario = build(self._simulation, self._robot)
+        self._obedience = Obedience(self._simulation.verdict_timeout_s)
+        text = "what goes wrong on the way to the consumer, e.g. nan:count=10,at=2.0; see docs/simulation.md"
+        line = self.declare_parameter("fault", scenario.faults, ParameterDescriptor(description=text)).value
+        self._injector = self._new_injector(line)
+        self._commands: SimpleQueue[Command] = SimpleQueue()
+        self._outlets = [self.create_publisher(JointState, "joint_states", STREAM)]
+        self.create_subscription(Verdict, "supervisor/verdict", self._on_verdict, LATCHED, raw=True)
+        self.create_subscription(JointTrajectory, "joint_trajectory", self._on_trajectory, 10)
+        self.add_on_set_parameters_callback(self._check_parameters)
+        self.add_post_set_parameters_callback(self._apply_parameters)
+        self.get_logger().info(f"{self._robot.name}: {scenario.name}, {scenario.description}")
+        self._ros_time = RosTime(self.get_clock())
+        self._moves_ns = time.monotonic_ns() + round(self._simulation.start_delay_s * NS_PER_S)
+        self._pacer = Pacer(self._simulation.rate_hz, self._cycle, self._fail)
+
+    def close(self) -> None:
+        """Called by the shell before the node is destroyed."""
+        self._pacer.close()
+
+    # --- the robot's thread ------------------------------------------------------------------------------------
+
+    def _cycle(self, due_ns: int) -> None:
+        while not self._commands.empty():
+            self._follow(self._commands.get())
+        reading = self._machine.step(self._simulation.period_s, self._allowed(due_ns))
+        if time.monotonic_ns() - due_ns > TOO_LATE_NS:
+            return
+        stamp_ns = self._ros_time.of(due_ns)
+        sample = JointSample(stamp_ns, stamp_ns, due_ns, self._simulation.joint_names, *reading)
+        stream = self._injector.send(sample)
+        self._open(1 + max((sent.publisher for sent in stream), default=0))
+        for sent in stream:
+            self._outlets[sent.publisher].publish(encode_joint_state(sent.sample))
+
+    def _open(self, outlets: int) -> None:
+        """A fault may ask for a second publisher, as long as it acts."""
+        while len(self._outlets) < outlets:
+            self._outlets.append(self.create_publisher(JointState, "joint_states", STREAM))
+        while len(self._outlets) > outlets:
+            self.destroy_publisher(self._outlets.pop())
+
+    def _allowed(self, due_ns: int) -> float:
+        if due_ns < self._moves_ns:
+            return 0.0
+        return self._obedience.allowed(due_ns) if self._simulation.obey else 1.0
+
+    def _fail(self, error: Exception) -> None:
+        """Ends the process: silence is what a consumer sees of a dead driver."""
+        self.get_logger().fatal(f"{type(error).__name__}: {error}")
+        self.exit_code = FAILED
+
+    def _follow(self, command: Command) -> None:
+        try:
+            self._machine.drives.follow(*command)
+        except BadPath as error:
+            self.get_logger().warning(f"command refused: {error}")
+
+    # --- callbacks ---------------------------------------------------------------------------------------------
+
+    def _on_verdict(self, data: bytes) -> None:
+        now_ns = time.monotonic_ns()
+        try:
+            verdict = decode_verdict(data)
+        except CdrError:
+            self._obedience.hear(Level.UNKNOWN, 0.0, now_ns)
+        else:
+            self._obedience.hear(verdict.level, verdict.speed_scale, now_ns)
+
+    def _on_trajectory(self, message: JointTrajectory) -> None:
+        times = [nanoseconds(p.time_from_start.sec, p.time_from_start.nanosec) / NS_PER_S for p in message.points]
+        positions = [tuple(point.positions) for point in message.points]
+        velocities = [tuple(point.velocities) for point in message.points]
+        names = self._simulation.joint_names
+        try:
+            self._commands.put(commanded(names, message.joint_names, times, positions, velocities))
+        except BadPath as error:
+            self.get_logger().warning(f"command refused: {error}")
+
+    def _check_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
+        try:
+            for parameter in parameters:
+                parse_faults(str(parameter.value) if parameter.name == "fault" else "")
+        except BadFault as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _apply_parameters(self, parameters: list[Parameter]) -> None:
+        for parameter in parameters:
+            if parameter.name == "fault":
+                self._injector = self._new_injector(parameter.value)
+
+    def _new_injector(self, line: str) -> FaultInjector:
+        return FaultInjector(parse_faults(line), self._robot.mechanism, self._simulation.seed)
+
+
+def main() -> None:
+    """Entry point of `ros2 run irsbot_supervisor simulated_joints_node`."""
+    sys.exit(run(SimulatedJointsNode, usage_errors=(SimulationError, KinematicsError)))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,170 @@
+"""supervisor_node: joint states in, states and verdicts out. A shell around `core.pipeline.Supervisor`."""
+
+from __future__ import annotations
+
+import sys
+import time
+
+from irsbot_msgs.msg import SingularityState, Verdict
+from irsbot_msgs.srv import CheckTrajectory, ResetStop
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from irsbot_kinematics import KinematicsError
+from irsbot_msgs_py.cdr import CdrError, decode_joint_state, encode_state, encode_verdict
+from irsbot_msgs_py.records import Configure, JointSample, Reset, Tick
+from irsbot_msgs_py.shell import run
+from irsbot_supervisor.core.pipeline import Event, Step, Supervisor
+from irsbot_supervisor.core.settings import InvalidSettings
+from irsbot_supervisor.journal import configured, write_entry
+from irsbot_supervisor.nodes.check import checked
+from irsbot_supervisor.nodes.diagnostics import DiagnosticsPublisher
+from irsbot_supervisor.nodes.parameters import changed_settings, declare_settings
+
+STREAM = QoSProfile(depth=200, reliability=ReliabilityPolicy.RELIABLE)
+"""Every sample counts; newest wins is a policy of the reader, not of the queue."""
+
+LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+JOURNAL = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class SupervisorNode(LifecycleNode):
+    """Judges while active. In any other state it is silent, and silence means stop."""
+
+    def __init__(self) -> None:
+        super().__init__("supervisor")
+        autostart = self.declare_parameter("autostart", True).value
+        self._settings, self._robot = declare_settings(self)
+        self._supervisor: Supervisor | None = None
+        self._parts: list[tuple[object, object]] = []
+        self.add_on_set_parameters_callback(self._check_parameters)
+        self.add_post_set_parameters_callback(self._apply_parameters)
+        if autostart:
+            self.trigger_configure()
+            self.trigger_activate()
+
+    # --- life cycle --------------------------------------------------------------------------------------------
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Start with nothing known: UNKNOWN until good samples have arrived."""
+        self._supervisor = Supervisor(self._settings, self._robot)
+        self._states = self.create_publisher(SingularityState, "~/state", STREAM)
+        self._verdicts = self.create_publisher(Verdict, "~/verdict", LATCHED)
+        self._journal = self.create_publisher(String, "~/journal", JOURNAL)
+        self._diagnostics = DiagnosticsPublisher(self, self._settings)
+        samples = self.create_subscription(JointState, "joint_states", self._on_sample, STREAM, raw=True)
+        reset = self.create_service(ResetStop, "~/reset", self._on_reset)
+        check = self.create_service(CheckTrajectory, "~/check_trajectory", self._on_check)
+        heartbeat = self.create_timer(self._settings.heartbeat_s, self._on_tick)
+        self._parts = [
+            (self.destroy_subscription, samples),
+            (self.destroy_service, reset),
+            (self.destroy_service, check),
+            (self.destroy_timer, heartbeat),
+            (self.destroy_timer, self._diagnostics.timer),
+            (self.destroy_publisher, self._states),
+            (self.destroy_publisher, self._verdicts),
+            (self.destroy_publisher, self._journal),
+            (self.destroy_publisher, self._diagnostics.publisher),
+        ]
+        now = self._now()
+        self._note(configured(self._settings, self._robot, *now))
+        self._step(Tick(*now))  # silence counts from the moment in which the settings come into force
+        self.get_logger().info(f"supervising {self._robot.name}, settings {self._settings.config_hash}")
+        return super().on_activate(state)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Fall silent; a latched stop is not remembered, the next activation starts at UNKNOWN."""
+        for destroy, part in self._parts:
+            destroy(part)  # type: ignore[operator]
+        self._parts, self._supervisor = [], None
+        return super().on_deactivate(state)
+
+    # --- callbacks ---------------------------------------------------------------------------------------------
+
+    def _on_sample(self, data: bytes) -> None:
+        received_ns, seen_ns = self._now()
+        try:
+            sample = decode_joint_state(data, received_ns, seen_ns)
+        except CdrError:
+            sample = JointSample(0, received_ns, seen_ns, (), ())  # rejected for its names, and counted
+        self._step(sample)
+
+    def _on_tick(self) -> None:
+        self._step(Tick(*self._now()))
+
+    def _on_reset(self, request: ResetStop.Request, response: ResetStop.Response) -> ResetStop.Response:
+        reset = Reset(*self._now(), request.event, request.operator_text, tuple(request.seed_pose))
+        self._note(reset)
+        step = self._step(reset)
+        response.accepted = step is not None and not step.refusal
+        response.message = step.refusal if step is not None else "an error occurred inside the supervisor"
+        self.get_logger().info(f"reset of event {request.event}: {response.message or 'accepted'}")
+        return response
+
+    def _on_check(
+        self, request: CheckTrajectory.Request, response: CheckTrajectory.Response
+    ) -> CheckTrajectory.Response:
+        """Only while the robot stands: a long answer delays the heartbeat, and a consumer then brakes."""
+        supervisor = self._supervisor
+        if supervisor is None or not supervisor.standing:
+            response.message = "the robot is moving, or its state is not known: ask while it stands"
+            return response
+        return checked(self._robot, self._settings, request, response)
+
+    def _step(self, event: Event) -> Step | None:
+        """The one guard: an error inside becomes an UNKNOWN verdict and a log line."""
+        supervisor = self._supervisor
+        if supervisor is None:
+            return None
+        try:
+            step = supervisor.step(event)
+            if step.state is not None:
+                spent = (time.monotonic_ns() - event.seen_ns) * 1e-9
+                self._states.publish(encode_state(step.state._replace(compute_time=spent)))
+            if step.verdict is not None:
+                self._verdicts.publish(encode_verdict(step.verdict))
+                self._diagnostics.watch(step.verdict, supervisor)
+            return step
+        except Exception as error:
+            self.get_logger().error(f"{type(error).__name__}: {error}", throttle_duration_sec=1.0)
+            self._verdicts.publish(encode_verdict(supervisor.fail(event.seen_ns, str(error))))
+            return None
+
+    # --- parameters --------------------------------------------------------------------------------------------
+
+    def _check_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
+        try:
+            changed_settings(self._settings, self._robot, parameters)
+        except InvalidSettings as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _apply_parameters(self, parameters: list[Parameter]) -> None:
+        settings = changed_settings(self._settings, self._robot, parameters)
+        if settings is None:
+            return
+        self._settings = settings
+        if self._supervisor is not None:
+            change = configured(settings, self._robot, *self._now())
+            self._note(change)
+            self._step(change)
+
+    def _note(self, event: Configure | Reset) -> None:
+        self._journal.publish(String(data=write_entry(event)))
+
+    def _now(self) -> tuple[int, int]:
+        return self.get_clock().now().nanoseconds, time.monotonic_ns()
+
+
+def main() -> None:
+    """Entry point of `ros2 run irsbot_supervisor supervisor_node`."""
+    sys.exit(run(SupervisorNode, usage_errors=(InvalidSettings, KinematicsError)))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,74 @@
+"""A run as a picture: margins against their limits, joint rates, and the level over time."""
+
+from __future__ import annotations
+
+from math import isfinite
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from irsbot_kinematics.arithmetic import Array
+from irsbot_msgs_py.records import Cause, Configure, Level, SingularityState
+from irsbot_supervisor.core.intake import S
+from irsbot_supervisor.core.policy import KINDS, WORDS
+from irsbot_supervisor.outcome import NAMES, Outcome, margin_of
+from irsbot_supervisor.replay import Recording
+
+LEVEL_COLOURS = {Level.OK: "#d9f0d3", Level.WARN: "#fee8a8", Level.STOP: "#f7b2a5", Level.UNKNOWN: "#d8c9e6"}
+MARGIN_COLOURS = ("#1b6ca8", "#b3372f", "#2d7d46", "#8050a0")
+MARKS = (("limit crossed", "crossed_ns", ":"), ("STOP", "stopped_ns", "--"), ("standstill", "stood_ns", "-."))
+
+
+def draw_run(recording: Recording, found: Outcome, target: Path) -> None:
+    """Write a PNG of a recorded run."""
+    states = [state for state in recording.states if isfinite(state.type2_margin)]
+    if not states:
+        return
+    settings = next((entry.values for entry in recording.journal if isinstance(entry, Configure)), {})
+    times = np.array([state.stamp_ns - found.begin_ns for state in states]) / S
+    figure = Figure(figsize=(10.0, 6.0), layout="constrained")
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.3))
+    for axes in (upper, lower):
+        _shade_levels(axes, recording, found.begin_ns, times[-1])
+    for kind, name, colour in zip(KINDS, NAMES, MARGIN_COLOURS, strict=True):
+        _draw_margin(upper, times, states, kind, settings.get(f"{name}_stop"), colour)
+    for text, which, style in MARKS:
+        moment_ns = getattr(found, which)
+        if moment_ns is not None:
+            upper.axvline((moment_ns - found.begin_ns) / S, color="black", linestyle=style, linewidth=1.0, label=text)
+    for joint, rates in enumerate(np.array([state.joint_velocity for state in states]).T, 1):
+        lower.plot(times, rates, linewidth=0.9, label=f"joint {joint}")
+    upper.set_ylabel("margin [1], dotted: stop limit")
+    upper.set_ylim(bottom=0.0)
+    lower.set_ylabel("joint rate [rad/s, m/s]")
+    lower.set_xlabel("time [s]")
+    upper.set_title(f"{states[0].robot}: margins and verdict (green OK, yellow WARN, red STOP, violet UNKNOWN)")
+    for axes in (upper, lower):
+        axes.margins(x=0)
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize="small", frameon=False)
+    figure.savefig(target, dpi=110)
+
+
+def _draw_margin(
+    axes: Axes, times: Array, states: list[SingularityState], kind: Cause, stop: float | None, colour: str
+) -> None:
+    values = np.array([margin_of(state, kind) for state in states])
+    if not np.isfinite(values).any():
+        return
+    axes.plot(times, values, color=colour, linewidth=1.3, label=WORDS[kind])
+    if stop is not None:
+        axes.axhline(float(stop), color=colour, linestyle=":", linewidth=1.0)
+
+
+def _shade_levels(axes: Axes, recording: Recording, begin_ns: int, end_s: float) -> None:
+    """The level in force, as the recorder heard it."""
+    turns = [((log - begin_ns) / S, verdict.level) for log, verdict in recording.verdicts]
+    merged: list[tuple[float, Level]] = []
+    for time_s, level in turns:
+        if not merged or merged[-1][1] != level:
+            merged.append((time_s, level))
+    for (start, level), (end, _next) in zip(merged, [*merged[1:], (end_s, Level.OK)], strict=True):
+        if end > 0.0:
+            axes.axvspan(max(start, 0.0), min(end, end_s), color=LEVEL_COLOURS[level], linewidth=0.0)

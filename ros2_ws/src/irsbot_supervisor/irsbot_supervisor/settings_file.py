@@ -1,0 +1,57 @@
+"""Settings as YAML: the shipped file of a robot, a user's file, or both; the user's numbers replace ours."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from irsbot_kinematics import Robot, load_robot, make_robot
+from irsbot_supervisor.core.settings import InvalidSettings, Settings, settings_from
+
+
+def robot_of(name: str) -> Robot:
+    """A robot by preset name or YAML file. Raises what `make_robot` and `load_robot` raise."""
+    return load_robot(name) if name.endswith((".yaml", ".yml")) else make_robot(name)
+
+
+def shipped_values(robot: Robot) -> dict[str, Any]:
+    """The shipped settings of a robot, or those of its topology's default."""
+    folder = resources.files("irsbot_supervisor").joinpath("settings")
+    for name in (robot.name, robot.mechanism.kind):
+        file = folder.joinpath(f"{name}.yaml")
+        if file.is_file():
+            return _mapping(file.read_text(encoding="utf-8"), f"{name}.yaml")
+    return {}
+
+
+def read_settings(robot_name: str, changes: Mapping[str, Any] | None = None) -> tuple[Settings, Robot]:
+    """Checked settings and the robot they are for; `changes` replace shipped values.
+
+    Raises InvalidSettings, or what the robot's file raises.
+    """
+    robot = robot_of(robot_name)
+    return settings_from({**shipped_values(robot), **(changes or {}), "robot": robot_name}, robot), robot
+
+
+def read_values(path: Path) -> dict[str, Any]:
+    """The mapping in a user's settings file. Raises InvalidSettings."""
+    try:
+        return _mapping(path.read_text(encoding="utf-8"), str(path))
+    except OSError as error:
+        raise InvalidSettings(f"{path}: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise InvalidSettings(f"{path}: not a text in UTF-8") from None
+
+
+def _mapping(text: str, where: str) -> dict[str, Any]:
+    try:
+        values = yaml.safe_load(text)
+    except (yaml.YAMLError, ValueError) as error:  # a ValueError for a date that does not exist
+        raise InvalidSettings(f"{where}: not YAML: {' '.join(str(error).split())}") from None
+    if not isinstance(values, dict):
+        raise InvalidSettings(f"{where}: expected a mapping of settings")
+    return values

@@ -1,0 +1,23 @@
+"""What the simulation refuses, always with a sentence that says what would be right."""
+
+from __future__ import annotations
+
+
+class SimulationError(ValueError):
+    """Root of everything this package raises on purpose."""
+
+
+class BadPath(SimulationError):
+    """A path that cannot be driven."""
+
+
+class BadScenario(SimulationError):
+    """A scenario that cannot be read or driven."""
+
+
+class BadFault(SimulationError):
+    """A fault line that cannot be read."""
+
+
+class BadSetting(SimulationError):
+    """A limit, mass, resolution or time that no robot can have."""

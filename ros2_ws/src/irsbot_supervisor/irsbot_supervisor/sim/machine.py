@@ -1,0 +1,82 @@
+"""What a driver reads from the simulated robot: encoders and the efforts of the motors."""
+
+from __future__ import annotations
+
+import random
+from math import isfinite, nan
+from typing import NamedTuple
+
+from irsbot_kinematics import Mechanism, Status, statics
+from irsbot_kinematics.mechanism import Floats
+
+from .errors import BadSetting
+from .joints import Drives
+from .trajectory import JointPoint
+
+STANDARD_GRAVITY = 9.80665
+"""m/s2, ISO 80000-3."""
+
+
+class Payload:
+    """A mass at the platform point of a mechanism without mass; gravity is along -z where the task has a z."""
+
+    def __init__(self, mechanism: Mechanism, mass_kg: float, assembly: int) -> None:
+        if not 0.0 <= mass_kg < float("inf"):
+            raise BadSetting(f"platform mass must be finite and not negative, got {mass_kg!r} kg")
+        self._mechanism = mechanism
+        self._assembly = assembly
+        self._mass_kg = mass_kg
+        self._weight = tuple(-mass_kg * STANDARD_GRAVITY if c.name == "z" else 0.0 for c in mechanism.task)
+        self._inertia = tuple(0.0 if c.is_angle else mass_kg for c in mechanism.task)
+
+    def efforts(self, joints: JointPoint) -> Floats:
+        """Motor efforts, N m or N: tau = -B R with A^T R + w = 0, w = m (g - a). NaN where they are not determined."""
+        at = self._mechanism.posture(joints.position, self._assembly)
+        if at.status != Status.SOLVED or at.det == 0.0:
+            return (nan,) * len(joints.position)
+        rates = statics.twist(at.screws, [-b * v for b, v in zip(at.levers, joints.velocity, strict=True)])
+        bias = self._mechanism.bias(at, joints.velocity, rates)
+        drive = [-b * a - c for b, a, c in zip(at.levers, joints.acceleration, bias, strict=True)]
+        acceleration = statics.twist(at.screws, drive)
+        wrench = [w - m * a for w, m, a in zip(self._weight, self._inertia, acceleration, strict=True)]
+        efforts = statics.efforts(at.levers, statics.reactions(at.screws, wrench))
+        return efforts if isfinite(sum(efforts)) else (nan,) * len(efforts)
+
+
+class Encoder:
+    """Reads positions with Gaussian noise, then in steps of its resolution. 0 means perfect."""
+
+    def __init__(self, resolution: float = 0.0, noise: float = 0.0, seed: int = 0) -> None:
+        """resolution, noise (one standard deviation): rad or m."""
+        if not (0.0 <= resolution < float("inf") and 0.0 <= noise < float("inf")):
+            raise BadSetting(f"resolution and noise must be finite and not negative, got {resolution!r}, {noise!r}")
+        self._resolution, self._noise = resolution, noise
+        self._random = random.Random(seed)
+
+    def read(self, position: Floats) -> Floats:
+        """What the encoders say about joint positions."""
+        if self._noise > 0.0:
+            position = tuple([self._random.gauss(value, self._noise) for value in position])
+        if self._resolution > 0.0:
+            position = tuple([round(value / self._resolution) * self._resolution for value in position])
+        return position
+
+
+class Reading(NamedTuple):
+    """One cycle of a driver."""
+
+    position: Floats
+    velocity: Floats
+    effort: Floats
+
+
+class Machine:
+    """Drives, encoders and payload of one robot."""
+
+    def __init__(self, drives: Drives, encoder: Encoder, payload: Payload) -> None:
+        self.drives, self._encoder, self._payload = drives, encoder, payload
+
+    def step(self, seconds: float, allowed: float) -> Reading:
+        """Move on by a period (see `Drives.step`) and read the robot."""
+        joints = self.drives.step(seconds, allowed)
+        return Reading(self._encoder.read(joints.position), joints.velocity, self._payload.efforts(joints))

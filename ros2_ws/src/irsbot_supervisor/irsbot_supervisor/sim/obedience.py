@@ -1,0 +1,33 @@
+"""How a consumer obeys the supervisor: motion needs a verdict that allows it, and one that is not too old."""
+
+from __future__ import annotations
+
+from irsbot_msgs_py.records import Level
+
+from .errors import BadSetting
+
+
+class Obedience:
+    """Turns heard verdicts into what the joints may do. Silence, STOP, UNKNOWN and nonsense mean brake."""
+
+    def __init__(self, timeout_s: float) -> None:
+        """timeout_s: a verdict counts for so long."""
+        if not 0.0 < timeout_s < float("inf"):
+            raise BadSetting(f"the verdict timeout must be positive and finite, got {timeout_s!r} s")
+        self._timeout_ns = round(timeout_s * 1e9)
+        self._heard: tuple[int, float] | None = None  # replaced whole: another thread may read it
+
+    def hear(self, level: int, speed_scale: float, now_ns: int) -> None:
+        """A verdict arrived; steady clock."""
+        allows = level in (Level.OK, Level.WARN) and 0.0 < speed_scale <= 1.0
+        self._heard = (now_ns, speed_scale if allows else 0.0)
+
+    def allowed(self, now_ns: int) -> float:
+        """Share of full speed that is allowed now, 0..1; 0 means brake.
+
+        A verdict heard after `now_ns` counts for as long as one before: a consumer may catch up after a stall.
+        """
+        if self._heard is None:
+            return 0.0
+        heard_ns, scale = self._heard
+        return scale if abs(now_ns - heard_ns) <= self._timeout_ns else 0.0

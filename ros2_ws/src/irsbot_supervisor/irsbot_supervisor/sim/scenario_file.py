@@ -1,0 +1,183 @@
+"""Scenarios as YAML.
+
+    description: one line
+    expect: {stop: true, causes: [TYPE2, BRAKING]}   # what a supervisor must make of it; causes may be left out
+    robots:                                          # the first is the default; an entry may replace what stands below
+      irsbot2_beta45: {start: [0.0, -0.75]}
+    cycle:                                           # repeated as a whole for `seconds`; ends where it begins
+      - {by: [[0.0, 0.025], [0.305, 0.0], [0.0, -0.025]], rounding_m: 0.02, speed: 0.9}
+      - {by: [[0.0, 0.025], [-0.305, 0.0], [0.0, -0.025]], rounding_m: 0.02, speed: 0.9}
+    seconds: 6.0                                     # .inf: for ever
+    run:                                             # once, after the cycles
+      - {to: [[0.0, -0.45]]}
+    faults: "nan:count=10,at=2.0"
+
+A piece is a stroke along poses (`by`: displacements, `to`: poses; straight in task space, corners rounded), a swing
+straight in joint space to a pose in any working mode (`swing_to`, `working_mode`), or a rest (`wait`, s). Strokes and
+swings begin and end at rest; `speed` (0..1] is relative to the limits of the joints. Poses are task coordinates, SI.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import resources
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from irsbot_kinematics import Robot
+from irsbot_kinematics.mechanism import Floats, Signs
+from irsbot_msgs_py.records import Cause
+
+from .errors import BadFault, BadScenario
+from .faults import parse_faults
+from .scenarios import Expectation, Piece, Scenario, Stroke, Swing, Wait
+
+_FOR_ROBOT = {"expect", "start", "working_mode", "cycle", "seconds", "run", "faults"}
+_TOP = {"description", "robots"} | _FOR_ROBOT
+_PIECES = {
+    "by": {"rounding_m", "speed"},
+    "to": {"rounding_m", "speed"},
+    "swing_to": {"working_mode", "speed"},
+    "wait": set[str](),
+}
+
+
+def scenario_names() -> tuple[str, ...]:
+    """Names of the shipped scenarios."""
+    files = resources.files("irsbot_supervisor").joinpath("scenarios").iterdir()
+    return tuple(sorted(Path(file.name).stem for file in files if file.name.endswith(".yaml")))
+
+
+def scenario_robots(name_or_path: str) -> tuple[str, ...]:
+    """Robots that a scenario has numbers for, the default first. Raises BadScenario."""
+    return tuple(_read(name_or_path)[1]["robots"])
+
+
+def read_scenario(name_or_path: str, robot: Robot | None = None) -> Scenario:
+    """A shipped scenario by name, or one from a YAML file, for a robot; without one, for its default robot.
+
+    A robot that the file does not name takes the entry of its topology. Raises BadScenario.
+    """
+    name, said = _read(name_or_path)
+    robots: Mapping[str, Any] = said["robots"]
+    wanted = next(iter(robots)) if robot is None else robot.name
+    entry = wanted if wanted in robots or robot is None else robot.mechanism.kind
+    if entry not in robots:
+        raise BadScenario(f"{name} has no robot '{wanted}'; it has {', '.join(robots)}")
+    own = robots[entry] or {}
+    _known(own, _FOR_ROBOT, f"{name}: robots.{entry}")
+    merged = {**{key: value for key, value in said.items() if key in _FOR_ROBOT}, **own}
+    if "start" not in merged or not (merged.get("cycle") or merged.get("run")):
+        raise BadScenario(f"{name}: robot '{entry}' needs start, and cycle or run")
+    where = f"{name} for {entry}"
+    return Scenario(
+        name=name,
+        description=str(said.get("description", "")),
+        robot=wanted,
+        expect=_expectation(merged.get("expect"), where),
+        start=_vector(merged["start"], f"{where}: start"),
+        working_mode=_mode(merged.get("working_mode"), where),
+        cycle=_pieces(merged.get("cycle"), f"{where}: cycle"),
+        seconds=_number(merged.get("seconds", float("inf")), f"{where}: seconds", endless=True),
+        run=_pieces(merged.get("run"), f"{where}: run"),
+        faults=_faults(merged.get("faults", ""), where),
+    )
+
+
+def _read(name_or_path: str) -> tuple[str, dict[str, Any]]:
+    path = Path(name_or_path)
+    if path.suffix in (".yaml", ".yml"):
+        try:
+            name, text = path.stem, path.read_text(encoding="utf-8")
+        except OSError as error:
+            raise BadScenario(f"{path}: {error.strerror}") from None
+    elif name_or_path in scenario_names():
+        name = name_or_path
+        file = resources.files("irsbot_supervisor").joinpath(f"scenarios/{name}.yaml")
+        text = file.read_text(encoding="utf-8")
+    else:
+        raise BadScenario(f"no scenario '{name_or_path}'; known are {', '.join(scenario_names())}, or give a YAML file")
+    try:
+        said = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise BadScenario(f"{name}: not YAML: {' '.join(str(error).split())}") from None
+    _known(said, _TOP, name)
+    if not isinstance(said.get("robots"), dict) or not said["robots"]:
+        raise BadScenario(f"{name}: robots must name at least one robot")
+    return name, said
+
+
+def _known(said: Any, keys: set[str], where: str) -> None:
+    if not isinstance(said, dict):
+        raise BadScenario(f"{where}: expected a mapping with the keys {', '.join(sorted(keys))}")
+    if unknown := sorted(str(key) for key in said if key not in keys):
+        raise BadScenario(f"{where}: unknown key '{unknown[0]}'; known are {', '.join(sorted(keys))}")
+
+
+def _pieces(said: Any, where: str) -> tuple[Piece, ...]:
+    if said is None:
+        return ()
+    if not isinstance(said, list):
+        raise BadScenario(f"{where}: expected a list of pieces")
+    return tuple(_piece(piece, f"{where}[{i}]") for i, piece in enumerate(said))
+
+
+def _piece(said: Any, where: str) -> Piece:
+    kinds = [kind for kind in _PIECES if isinstance(said, dict) and kind in said]
+    if len(kinds) != 1:
+        raise BadScenario(f"{where}: a piece has exactly one of {', '.join(_PIECES)}")
+    kind = kinds[0]
+    _known(said, _PIECES[kind] | {kind}, where)
+    if kind == "wait":
+        return Wait(_number(said[kind], f"{where}: wait"))
+    speed = _number(said.get("speed", 1.0), f"{where}: speed")
+    if kind == "swing_to":
+        return Swing(_vector(said[kind], where), _mode(said.get("working_mode"), where), speed)
+    if not isinstance(said[kind], list):
+        raise BadScenario(f"{where}: {kind} is a list of poses")
+    points = tuple(_vector(point, f"{where}: {kind}[{i}]") for i, point in enumerate(said[kind]))
+    return Stroke(points, kind == "by", _number(said.get("rounding_m", 0.0), f"{where}: rounding_m"), speed)
+
+
+def _expectation(said: Any, where: str) -> Expectation:
+    _known(said, {"stop", "causes"}, f"{where}: expect")
+    if not isinstance(said.get("stop"), bool):
+        raise BadScenario(f"{where}: expect.stop must be true or false, got {said.get('stop')!r}")
+    causes = Cause.NONE
+    for name in said.get("causes") or ():
+        if name not in Cause.__members__:
+            raise BadScenario(f"{where}: no cause '{name}'; known are {', '.join(Cause.__members__)}")
+        causes |= Cause[name]
+    return Expectation(said["stop"], causes)
+
+
+def _vector(said: Any, where: str) -> Floats:
+    if not isinstance(said, list):
+        raise BadScenario(f"{where}: expected a list of numbers, got {said!r}")
+    return tuple(_number(value, where, signed=True) for value in said)
+
+
+def _number(said: Any, where: str, *, signed: bool = False, endless: bool = False) -> float:
+    is_number = isinstance(said, (int, float)) and not isinstance(said, bool)
+    if is_number and (isfinite(said) or (endless and said > 0.0)) and (signed or said >= 0.0):
+        return float(said)
+    raise BadScenario(f"{where}: expected a {'' if signed else 'positive '}number, got {said!r}")
+
+
+def _mode(said: Any, where: str) -> Signs | None:
+    if said is None:
+        return None
+    if not isinstance(said, list) or any(type(sign) is not int or sign not in (-1, 1) for sign in said):
+        raise BadScenario(f"{where}: working_mode is a list of 1 and -1, got {said!r}")
+    return tuple(said)
+
+
+def _faults(said: Any, where: str) -> str:
+    try:
+        parse_faults(str(said))
+    except BadFault as error:
+        raise BadScenario(f"{where}: faults: {error}") from None
+    return str(said)

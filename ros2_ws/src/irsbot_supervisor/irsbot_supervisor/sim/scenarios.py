@@ -1,0 +1,156 @@
+"""Scenarios: what a simulated robot is to do, whatever its mechanism, and the motion that comes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import floor, inf
+
+from irsbot_kinematics import Mechanism
+from irsbot_kinematics.arithmetic import FLOATS
+from irsbot_kinematics.mechanism import Floats, Signs
+from irsbot_kinematics.tolerances import REACH_TOL_M
+from irsbot_msgs_py.records import Cause
+
+from .errors import BadPath, BadScenario
+from .paths import RoundedPath, corners_of
+from .trajectory import Course, JointLimits, JointPath, Motion, nearest_turn, stand, stroke, swing
+
+CYCLE_TOL = 1e-9
+"""rad or m: how far from its begin a cycle may end; far above the rounding of one cycle, invisible to any encoder."""
+
+
+@dataclass(frozen=True)
+class Stroke:
+    """Straight in task space along poses, or displacements if `relative`; corners rounded; from rest to rest."""
+
+    points: tuple[Floats, ...]
+    relative: bool
+    rounding_m: float = 0.0
+    speed: float = 1.0
+
+
+@dataclass(frozen=True)
+class Swing:
+    """Straight in joint space to a pose in a working mode (None: the present one); from rest to rest."""
+
+    pose: Floats
+    working_mode: Signs | None = None
+    speed: float = 1.0
+
+
+@dataclass(frozen=True)
+class Wait:
+    """Standing still."""
+
+    seconds: float
+
+
+Piece = Stroke | Swing | Wait
+
+
+@dataclass(frozen=True)
+class Expectation:
+    """What a supervisor must make of a scenario."""
+
+    stop: bool
+    causes: Cause = Cause.NONE
+    """Any of these may be the reason of the stop; NONE: left open."""
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """One scenario for one robot."""
+
+    name: str
+    description: str
+    robot: str
+    expect: Expectation
+    start: Floats
+    working_mode: Signs | None = None
+    """None: the robot's usual mode."""
+    cycle: tuple[Piece, ...] = ()
+    seconds: float = inf
+    """How long the cycle is repeated: as often as it fits, at least once."""
+    run: tuple[Piece, ...] = ()
+    """Once, after the cycles."""
+    faults: str = ""
+    """A fault line, see `faults`."""
+
+
+def plan(
+    scenario: Scenario, mechanism: Mechanism, limits: JointLimits, *, speed: float = 1.0, seconds: float | None = None
+) -> Motion:
+    """The motion of a scenario, within the limits of the joints.
+
+    speed: factor (0..1] on all speeds. seconds: replaces the scenario's for the cycle. Raises BadScenario.
+    """
+    planner = _Planner(scenario, mechanism, limits, speed)
+    parts: list[tuple[Motion, float]] = [(stand(planner.joints), 1)]
+    if scenario.cycle:
+        begin = planner.joints
+        cycle = Course([(planner.drive(piece, f"cycle[{i}]"), 1) for i, piece in enumerate(scenario.cycle)])
+        gap = max(abs(a - b) for a, b in zip(begin, planner.joints, strict=True))
+        if not gap <= CYCLE_TOL:
+            raise BadScenario(f"{scenario.name}: the cycle ends {gap:.3g} rad or m from where it begins")
+        wanted = (scenario.seconds if seconds is None else seconds) / cycle.duration_s
+        parts.append((cycle, max(floor(wanted), 1) if wanted < inf else inf))
+    parts += [(planner.drive(piece, f"run[{i}]"), 1) for i, piece in enumerate(scenario.run)]
+    return Course(parts)
+
+
+class _Planner:
+    """Strings pieces together: remembers where the robot is."""
+
+    def __init__(self, scenario: Scenario, mechanism: Mechanism, limits: JointLimits, speed: float) -> None:
+        self._name, self._mechanism, self._limits, self._speed = scenario.name, mechanism, limits, speed
+        self._mode = scenario.working_mode or mechanism.usual_working_mode
+        self._pose = self._checked(scenario.start, "start")
+        self.joints = self._inverse(self._pose, self._mode, "start")
+
+    def drive(self, piece: Piece, where: str) -> JointPath:
+        """The motion of a piece from where the robot is."""
+        try:
+            path = self._drive(piece, where)
+        except BadPath as error:
+            raise BadScenario(f"{self._name}: {where}: {error}") from None
+        self._check_ranges(path, where)
+        self.joints = path.positions[-1]
+        return path
+
+    def _check_ranges(self, path: JointPath, where: str) -> None:
+        for joint, column in zip(self._mechanism.joints, zip(*path.positions, strict=True), strict=True):
+            if not (joint.lower < min(column) and max(column) < joint.upper):
+                reached = f"{min(column):.4g}..{max(column):.4g} {joint.unit}"
+                free = f"{joint.lower:g}..{joint.upper:g}"
+                raise BadScenario(f"{self._name}: {where}: {joint.name} moves over {reached}, it is free in {free}")
+
+    def _drive(self, piece: Piece, where: str) -> JointPath:
+        if isinstance(piece, Wait):
+            return stand(self.joints, piece.seconds)
+        speed = piece.speed * self._speed
+        if isinstance(piece, Swing):
+            self._mode = piece.working_mode or self._mode
+            self._pose = self._checked(piece.pose, where)
+            goal = nearest_turn(self._mechanism, self._inverse(self._pose, self._mode, where), self.joints)
+            return swing(self.joints, goal, self._limits, speed)
+        points = [self._checked(point, where) for point in piece.points]
+        corners = corners_of(self._pose, points) if piece.relative else [self._pose, *points]
+        levers = [self._mechanism.length_m if axis.is_angle else 1.0 for axis in self._mechanism.task]
+        self._pose = corners[-1]
+        path = RoundedPath(corners, piece.rounding_m, levers)
+        return stroke(self._mechanism, path, self._mode, self.joints, self._limits, speed=speed)
+
+    def _checked(self, pose: Sequence[float], where: str) -> Floats:
+        axes = [f"{axis.name} [{axis.unit}]" for axis in self._mechanism.task]
+        if len(pose) != len(axes):
+            raise BadScenario(f"{self._name}: {where}: a pose is {', '.join(axes)}, got {list(pose)}")
+        return tuple(pose)
+
+    def _inverse(self, pose: Floats, mode: Signs, where: str) -> Floats:
+        if mode not in self._mechanism.working_modes:
+            raise BadScenario(f"{self._name}: {where}: working mode {mode} is none of {self._mechanism.working_modes}")
+        joints, reach = self._mechanism.inverse(FLOATS, pose, mode)
+        if not min(reach) >= -REACH_TOL_M:
+            raise BadScenario(f"{self._name}: {where}: pose {pose} is unreachable by {-min(reach) * 1e3:.1f} mm")
+        return joints

@@ -1,0 +1,296 @@
+"""Motions in joint space that respect the joints' limits.
+
+A path is sampled, sent through the inverse kinematics of one working mode and unwrapped; a smooth time law is then
+stretched until no joint exceeds its velocity and acceleration limits anywhere between the samples either.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from itertools import accumulate, pairwise
+from math import inf, isfinite, sqrt, tau
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from irsbot_kinematics import Mechanism
+from irsbot_kinematics.arithmetic import Array
+from irsbot_kinematics.batch import inverse_many
+from irsbot_kinematics.mechanism import Floats, Signs
+from irsbot_kinematics.tolerances import REACH_TOL_M
+
+from .errors import BadPath, BadSetting
+from .paths import RoundedPath
+
+KNOTS = 257
+"""Samples of one stroke; between them the joints move on cubics, whose limits are checked exactly."""
+
+RAMPS = (0.5, 0.4, 0.3, 0.2, 0.14, 0.1, 0.07, 0.05)
+"""Shares of the time spent on speeding up, and as much on slowing down, that are tried; the fastest law is taken."""
+
+
+@dataclass(frozen=True)
+class JointLimits:
+    """What the drives can do, per joint: rad/s or m/s, rad/s2 or m/s2."""
+
+    velocity: Floats
+    acceleration: Floats
+    """Of planned motion, speeding up and slowing down."""
+    deceleration: Floats
+    """Of the brakes."""
+
+    def __post_init__(self) -> None:
+        if not len(self.velocity) == len(self.acceleration) == len(self.deceleration):
+            raise BadSetting(f"limits must have one entry per joint each, got {self}")
+        if not all(isfinite(limit) and limit > 0.0 for limit in self.velocity + self.acceleration + self.deceleration):
+            raise BadSetting(f"limits must be positive and finite, got {self}")
+
+
+class JointPoint(NamedTuple):
+    """Position, velocity and acceleration of the joints at one time; rad or m."""
+
+    position: Floats
+    velocity: Floats
+    acceleration: Floats
+
+
+class Motion(Protocol):
+    """Something the drives can follow."""
+
+    @property
+    def duration_s(self) -> float: ...
+    def at(self, time_s: float) -> JointPoint: ...
+
+
+@dataclass(frozen=True)
+class JointPath:
+    """Joint positions and velocities at increasing times, with cubics between them.
+
+    times: (N,) s, beginning with 0. positions: (N, n) rad or m. velocities: (N, n).
+    Before the first and after the last time the joints stand.
+    """
+
+    times: Floats
+    positions: tuple[Floats, ...]
+    velocities: tuple[Floats, ...]
+
+    def __post_init__(self) -> None:
+        if not len(self.times) == len(self.positions) == len(self.velocities) >= 1:
+            raise BadPath("a joint path needs as many positions and velocities as times, and at least one")
+        if not (self.times[0] == 0.0 and all(b > a for a, b in pairwise(self.times)) and isfinite(self.times[-1])):
+            raise BadPath("the times of a joint path must begin with 0 and increase")
+        if not np.isfinite(np.array(self.positions + self.velocities)).all():
+            raise BadPath("the positions and velocities of a joint path must be finite")
+
+    @property
+    def duration_s(self) -> float:
+        return self.times[-1]
+
+    def at(self, time_s: float) -> JointPoint:
+        """Where the joints are after `time_s`."""
+        times = self.times
+        if not 0.0 <= time_s < times[-1]:
+            rest = (0.0,) * len(self.positions[0])
+            return JointPoint(self.positions[0 if time_s < 0.0 else -1], rest, rest)
+        i = bisect_right(times, time_s) - 1
+        t = time_s - times[i]
+        position, velocity, acceleration = [], [], []
+        for q, v, a, jerk in self._cubics[i]:
+            change = t * jerk
+            position.append(q + t * (v + t * (0.5 * a + change / 6.0)))
+            velocity.append(v + t * (a + 0.5 * change))
+            acceleration.append(a + change)
+        return JointPoint(tuple(position), tuple(velocity), tuple(acceleration))
+
+    @cached_property
+    def _cubics(self) -> list[tuple[tuple[float, ...], ...]]:
+        """Position, velocity, acceleration and jerk of each joint at the begin of each interval."""
+        times, q, v = np.array(self.times), np.array(self.positions), np.array(self.velocities)
+        a, after = _accelerations(times, q, v)
+        jerk = (after - a) / np.diff(times)[:, None]
+        rows: list[tuple[tuple[float, ...], ...]] = np.stack((q[:-1], v[:-1], a, jerk), axis=-1).tolist()
+        return rows
+
+    @cached_property
+    def peaks(self) -> tuple[Floats, Floats]:
+        """Largest |velocity| and |acceleration| of each joint, exact for the cubics."""
+        return _peaks(np.array(self.times), np.array(self.positions), np.array(self.velocities))
+
+    def stretched(self, factor: float) -> JointPath:
+        """The same path, `factor` times as long in time."""
+        return JointPath(
+            tuple(t * factor for t in self.times),
+            self.positions,
+            tuple(tuple(v / factor for v in row) for row in self.velocities),
+        )
+
+    def excess(self, limits: JointLimits) -> float:
+        """Factor by which time has to be stretched to respect the limits; at most 1 where it does."""
+        return _excess(self.peaks, limits)
+
+
+class Course:
+    """Motions one after another, each driven a number of times; the last may be driven for ever (`inf` times).
+
+    Every motion begins where the one before ends, and a repeated one ends where it begins.
+    """
+
+    def __init__(self, parts: Sequence[tuple[Motion, float]]) -> None:
+        self._parts = tuple(motion for motion, times in parts if times > 0.0)
+        lengths = [
+            motion.duration_s * times if motion.duration_s > 0.0 else 0.0 for motion, times in parts if times > 0.0
+        ]
+        self._starts = list(accumulate(lengths, initial=0.0))
+        if not self._parts:
+            raise BadPath("a course needs a motion")
+
+    @property
+    def duration_s(self) -> float:
+        return self._starts[-1]
+
+    def at(self, time_s: float) -> JointPoint:
+        """Where the joints are after `time_s`."""
+        if not time_s < self.duration_s:
+            last = self._parts[-1]
+            return last.at(last.duration_s)
+        i = max(bisect_right(self._starts, time_s) - 1, 0)
+        motion, within = self._parts[i], time_s - self._starts[i]
+        return motion.at(within % motion.duration_s if within >= 0.0 else within)
+
+
+def stand(position: Floats, seconds: float = 0.0) -> JointPath:
+    """Standing still."""
+    rest = (0.0,) * len(position)
+    if not seconds > 0.0:
+        return JointPath((0.0,), (position,), (rest,))
+    return JointPath((0.0, seconds), (position, position), (rest, rest))
+
+
+def swing(start: Floats, goal: Floats, limits: JointLimits, speed: float = 1.0) -> JointPath:
+    """From rest to rest on a straight line in joint space, at `speed` (0..1] of the fastest."""
+    span = np.array(goal) - np.array(start)
+    return _fastest(lambda share: np.array(start) + share[:, None] * span, limits, speed)
+
+
+def stroke(
+    mechanism: Mechanism, path: RoundedPath, mode: Signs, near: Floats, limits: JointLimits, *, speed: float = 1.0
+) -> JointPath:
+    """From rest to rest along a path in task space, in one working mode, at `speed` (0..1] of the fastest.
+
+    near: joint positions before the stroke; the joints begin in the same turn. Raises BadPath where the path leaves
+    the workspace.
+    """
+
+    def joints(share: Array) -> Array:
+        poses = path.at(share * path.length_m)
+        positions, _, reach = inverse_many(mechanism, poses, mode)
+        if not (reach >= -REACH_TOL_M).all():
+            worst = int(np.argmin(reach))
+            where = ", ".join(f"{value:.4g}" for value in poses[worst])
+            raise BadPath(f"the path leaves the workspace at ({where}) by {-reach[worst] * 1e3:.1f} mm")
+        return np.column_stack(
+            [
+                _unwrapped(column, start) if coordinate.is_angle else column
+                for column, start, coordinate in zip(positions.T, near, mechanism.joints, strict=True)
+            ]
+        )
+
+    return _fastest(joints, limits, speed)
+
+
+def nearest_turn(mechanism: Mechanism, joints: Sequence[float], near: Floats) -> Floats:
+    """Joint positions with every angle moved by whole turns to where it is closest to `near`."""
+    return tuple(
+        float(_unwrapped(np.array([value]), start)[0]) if coordinate.is_angle else value
+        for value, start, coordinate in zip(joints, near, mechanism.joints, strict=True)
+    )
+
+
+class _Sampler(Protocol):
+    def __call__(self, share: Array, /) -> Array: ...
+
+
+def _fastest(joints: _Sampler, limits: JointLimits, speed: float) -> JointPath:
+    """The shortest of the time laws with different ramps, then slowed down to `speed`."""
+    if not 0.0 < speed <= 1.0:
+        raise BadPath(f"speed must be in (0, 1], got {speed!r}")
+    least = inf
+    best: tuple[Array, Array] = np.zeros((1, 1)), np.zeros((1, 1))
+    times = np.linspace(0.0, 1.0, KNOTS)
+    for ramp in RAMPS:
+        positions = joints(_time_law(times, ramp))
+        velocities = _spline_rates(positions)
+        excess = _excess(_peaks(times, positions, velocities), limits)
+        if excess < least:
+            least, best = excess, (positions, velocities)
+    positions, velocities = best
+    if not least > 0.0:
+        return stand(tuple(positions[0].tolist()))
+    duration = least / speed
+    return JointPath(
+        tuple((times * duration).tolist()),
+        tuple(map(tuple, positions.tolist())),
+        tuple(map(tuple, (velocities / duration).tolist())),
+    )
+
+
+def _time_law(t: Array, ramp: float) -> Array:
+    """Share of the way (0..1) after a share t of the time: the speed rises and falls as a smoothstep of length ramp."""
+    u, v = np.minimum(t / ramp, 1.0), np.minimum((1.0 - t) / ramp, 1.0)
+    rising, falling = u * u * u * (1.0 - 0.5 * u), v * v * v * (1.0 - 0.5 * v)
+    steady = np.clip(t - ramp, 0.0, 1.0 - 2.0 * ramp)
+    share: Array = (ramp * (rising + 0.5 - falling) + steady) / (1.0 - ramp)
+    return share
+
+
+def _spline_rates(positions: Array) -> Array:
+    """Velocities that make cubics through KNOTS positions of the unit interval twice continuously differentiable,
+    at rest at both ends."""
+    velocities: Array = np.zeros(positions.shape)
+    velocities[1:-1] = _spline_solver() @ (3.0 * (KNOTS - 1) * (positions[2:] - positions[:-2]))
+    return velocities
+
+
+@lru_cache(maxsize=1)
+def _spline_solver() -> Array:
+    inner = KNOTS - 2
+    return np.asarray(np.linalg.inv(4.0 * np.eye(inner) + np.eye(inner, k=1) + np.eye(inner, k=-1)), dtype=np.float64)
+
+
+def _unwrapped(angles: Array, near: float) -> Array:
+    """Angles without jumps, beginning in the turn closest to `near`."""
+    turns: Array = np.unwrap(angles)
+    turns += round((near - float(turns[0])) / tau) * tau
+    return turns
+
+
+def _accelerations(times: Array, q: Array, v: Array) -> tuple[Array, Array]:
+    """Accelerations at the begin and the end of each interval's cubic."""
+    h = np.diff(times)[:, None]
+    mean = np.diff(q, axis=0) / h
+    return (6.0 * mean - 4.0 * v[:-1] - 2.0 * v[1:]) / h, (2.0 * v[:-1] + 4.0 * v[1:] - 6.0 * mean) / h
+
+
+def _peaks(times: Array, q: Array, v: Array) -> tuple[Floats, Floats]:
+    """Largest |velocity| and |acceleration| of each joint."""
+    a0, a1 = _accelerations(times, q, v)
+    # Inside an interval the velocity is extreme where the acceleration, linear in time, passes zero.
+    turns = a0 * a1 < 0.0
+    when = np.divide(a0, a0 - a1, out=np.zeros_like(a0), where=turns) * np.diff(times)[:, None]
+    inside = np.where(turns, v[:-1] + 0.5 * a0 * when, 0.0)
+    return _largest(v, inside), _largest(a0, a1)
+
+
+def _largest(*arrays: Array) -> Floats:
+    """Largest absolute value in each column of all arrays."""
+    each = np.max([np.abs(array).max(axis=0, initial=0.0) for array in arrays], axis=0)
+    return tuple(each.tolist())
+
+
+def _excess(peaks: tuple[Floats, Floats], limits: JointLimits) -> float:
+    by_velocity = max(peak / limit for peak, limit in zip(peaks[0], limits.velocity, strict=True))
+    by_acceleration = max(peak / limit for peak, limit in zip(peaks[1], limits.acceleration, strict=True))
+    return max(by_velocity, sqrt(by_acceleration))

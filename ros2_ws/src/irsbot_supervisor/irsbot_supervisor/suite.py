@@ -1,0 +1,127 @@
+"""The nodes of the suite as processes of ours: started on a DDS domain of their own, watched, and ended for certain."""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import os
+import random
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any, NamedTuple
+
+KINEMATICS = "irsbot_kinematics.nodes.kinematics"
+SUPERVISOR = "irsbot_supervisor.nodes.supervisor"
+JOINTS = "irsbot_supervisor.nodes.simulated_joints"
+RECORDER = "irsbot_supervisor.nodes.recorder"
+
+DOMAINS = range(1, 101)
+"""DDS domains whose ports are free on an ordinary Linux machine; 0 is everybody's default."""
+
+FIRST_PORT, PORTS_PER_DOMAIN = 7400, 250
+"""UDP port of discovery in domain 0, and the distance to the next domain's (DDSI-RTPS 9.6.1)."""
+
+PATIENCE_S = 5.0
+"""s between asking a node to end and ending it by force."""
+
+_DIE_WITH_PARENT = 1
+"""PR_SET_PDEATHSIG of prctl(2): no node outlives a command that was killed."""
+
+
+class SuiteError(Exception):
+    """A node did not start, or ended by itself."""
+
+
+class Node(NamedTuple):
+    """One node to start: module, parameters, namespace."""
+
+    name: str
+    module: str
+    parameters: Mapping[str, Any]
+
+
+class Suite:
+    """Running nodes. Use as a context manager: whatever happens, they are gone afterwards."""
+
+    def __init__(self, logs: Path, domain: int, namespace: str = "", parameter_file: Path | None = None) -> None:
+        """logs: folder for what the nodes print, one file each."""
+        self._logs = logs
+        self._logs.mkdir(parents=True, exist_ok=True)
+        self._arguments = ["-r", f"__ns:=/{namespace.strip('/')}"] if namespace.strip("/") else []
+        if parameter_file is not None:
+            self._arguments += ["--params-file", str(parameter_file)]
+        self._environment = {
+            **os.environ,
+            "ROS_DOMAIN_ID": str(domain),
+            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+            "PYTHONUNBUFFERED": "1",
+        }
+        self.processes: dict[str, subprocess.Popen[bytes]] = {}
+
+    def start(self, node: Node) -> None:
+        """Start a node; it prints into its own log file."""
+        given = [part for name, value in node.parameters.items() for part in ("-p", f"{name}:={json.dumps(value)}")]
+        command = [sys.executable, "-m", node.module, "--ros-args", *self._arguments, *given]
+        with (self._logs / f"{node.name}.log").open("wb") as log:
+            self.processes[node.name] = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                env=self._environment,
+                start_new_session=True,  # Ctrl-C is ours: the nodes are asked to end in order
+                preexec_fn=_end_with_parent,
+            )
+
+    def check(self) -> None:
+        """Raise SuiteError, with the last line of its log, if a node has ended."""
+        for name, process in self.processes.items():
+            if process.poll() is not None:
+                said = (self._logs / f"{name}.log").read_text(errors="replace").strip().splitlines()
+                last = said[-1] if said else "no output"
+                raise SuiteError(f"the node {name} ended with exit code {process.returncode}: {last}")
+
+    def stop(self) -> dict[str, int]:
+        """Ask every node to end, last started first, then end what is left. Returns the exit codes."""
+        order = list(reversed(self.processes.items()))
+        for _name, process in order:
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+        deadline = time.monotonic() + PATIENCE_S
+        for _name, process in order:
+            try:
+                process.wait(max(deadline - time.monotonic(), 0.0))
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+        return {name: process.returncode for name, process in order}
+
+    def __enter__(self) -> Suite:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop()
+
+
+def free_domain() -> int:
+    """A DDS domain that nobody on this machine uses. Raises SuiteError."""
+    for domain in random.sample(DOMAINS, len(DOMAINS)):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                probe.bind(("", FIRST_PORT + PORTS_PER_DOMAIN * domain))
+            except OSError:
+                continue
+            return domain
+    raise SuiteError(f"every DDS domain from {DOMAINS[0]} to {DOMAINS[-1]} is in use on this machine")
+
+
+def _end_with_parent() -> None:
+    ctypes.CDLL(None, use_errno=True).prctl(_DIE_WITH_PARENT, signal.SIGKILL)

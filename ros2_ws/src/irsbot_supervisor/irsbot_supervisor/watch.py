@@ -1,0 +1,47 @@
+"""A live look at a running suite: verdicts as they come, for the timeline of the demo. Needs ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import rclpy
+from irsbot_msgs.msg import Verdict as VerdictMessage
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from irsbot_msgs_py.cdr import decode_verdict
+from irsbot_msgs_py.records import Verdict
+
+LATCHED = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class Watch:
+    """Hears the verdicts of one supervisor. Close it, or use it as a context manager."""
+
+    def __init__(self, domain: int, on_verdict: Callable[[Verdict], None]) -> None:
+        self._context = Context()
+        rclpy.init(context=self._context, domain_id=domain)
+        self._node = rclpy.create_node("demo_watch", context=self._context)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self._node.create_subscription(
+            VerdictMessage, "supervisor/verdict", lambda data: on_verdict(decode_verdict(data)), LATCHED, raw=True
+        )
+
+    def look(self, seconds: float) -> None:
+        """Wait for the next verdict for at most so long."""
+        self._executor.spin_once(timeout_sec=seconds)
+
+    def close(self) -> None:
+        """Leave the domain."""
+        self._executor.shutdown()
+        self._node.destroy_node()
+        rclpy.try_shutdown(context=self._context)
+
+    def __enter__(self) -> Watch:
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        self.close()

@@ -1,0 +1,31 @@
+from glob import glob
+
+from setuptools import find_packages, setup
+
+package = "irsbot_supervisor"
+
+setup(
+    name=package,
+    version="0.1.0",
+    packages=find_packages(exclude=["test"]),
+    package_data={package: ["py.typed", "settings/*.yaml", "scenarios/*.yaml"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{package}"]),
+        (f"share/{package}", ["package.xml"]),
+        (f"share/{package}/launch", glob("launch/*.launch.py")),
+    ],
+    install_requires=["setuptools", "numpy", "scipy", "pyyaml", "typer", "rich", "matplotlib", "mcap", "polars"],
+    zip_safe=False,
+    maintainer="irsbot maintainers",
+    maintainer_email="maintainers@irsbot.example",
+    description="Singularity supervision of parallel robots: decision core, nodes, record and replay.",
+    license="Apache-2.0",
+    entry_points={
+        "console_scripts": [
+            "supervisor_node = irsbot_supervisor.nodes.supervisor:main",
+            "simulated_joints_node = irsbot_supervisor.nodes.simulated_joints:main",
+            "recorder_node = irsbot_supervisor.nodes.recorder:main",
+            "irsbot = irsbot_supervisor.cli.app:main",
+        ]
+    },
+)

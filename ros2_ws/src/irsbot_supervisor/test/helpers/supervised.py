@@ -1,0 +1,109 @@
+"""A supervised robot in tests: its events at chosen times, and what the supervisor makes of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import irsbot_kinematics as irs
+from irsbot_msgs_py.records import Configure, Floats, JointSample, Reset, Tick
+from irsbot_supervisor.core.pipeline import Event, Step, Supervisor
+from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.journal import configured
+from irsbot_supervisor.replay import Chapter
+from irsbot_supervisor.settings_file import read_settings, robot_of, shipped_values
+
+MS = 1_000_000
+"""ns in a millisecond."""
+ROS_NS = 1_700_000_000 * 10**9
+"""ROS clock at the time 0 of a test; the steady clock shows one hour then, and the two must not be mixed up."""
+STEADY_NS = 3600 * 10**9
+
+DRIVES: dict[str, Any] = {"velocity_limit": 2.0, "deceleration_limit": 40.0}
+"""Limits for robots without shipped settings, rad or m."""
+
+
+def supervisor_of(robot: str = "irsbot2", **changes: Any) -> Supervisor:
+    """A new supervisor with the shipped settings, some of them changed."""
+    return Supervisor(*settings_of(robot, **changes))
+
+
+def settings_of(robot: str = "irsbot2", **changes: Any) -> tuple[Settings, irs.Robot]:
+    """The shipped settings of a robot, some of them changed."""
+    limits = {} if shipped_values(robot_of(robot)) else DRIVES
+    return read_settings(robot, {**limits, **changes})
+
+
+def joints_of(supervisor: Supervisor, *pose: float) -> Floats:
+    """Joint positions of a pose in the usual working mode."""
+    return tuple(supervisor.robot.inverse(pose).tolist())
+
+
+def at_ns(ms: float) -> tuple[int, int]:
+    """ROS and steady clock at a time of the test."""
+    return ROS_NS + round(ms * MS), STEADY_NS + round(ms * MS)
+
+
+def sample(
+    ms: float,
+    position: Sequence[float],
+    velocity: Sequence[float] | None = None,
+    *,
+    age_ms: float = 0.0,
+    names: Sequence[str] | None = None,
+    effort: Sequence[float] = (),
+) -> JointSample:
+    """A sample that arrives at a time. velocity: at rest if left out. age_ms: how long before it was stamped."""
+    received_ns, seen_ns = at_ns(ms)
+    n = len(position)
+    joints = tuple(names) if names is not None else {2: JOINTS}.get(n, SLIDES)
+    rates = (0.0,) * n if velocity is None else tuple(velocity)
+    stamp_ns = received_ns - round(age_ms * MS)
+    return JointSample(stamp_ns, received_ns, seen_ns, joints, tuple(position), rates, tuple(effort))
+
+
+JOINTS = ("joint_1", "joint_2")
+SLIDES = ("slide_1", "slide_2", "slide_3")
+
+
+def tick(ms: float) -> Tick:
+    return Tick(*at_ns(ms))
+
+
+def reset(ms: float, event: int) -> Reset:
+    return Reset(*at_ns(ms), event, "tested")
+
+
+def configure(ms: float, supervisor: Supervisor, **changes: Any) -> Configure:
+    """The event that changes some settings."""
+    event = configured(supervisor.settings, supervisor.robot, *at_ns(ms))
+    return event._replace(values={**event.values, **changes})
+
+
+def resting(begin_ms: int, end_ms: int, position: Floats) -> list[JointSample]:
+    """Samples of a robot that stands still, one per millisecond, the end not included."""
+    return [sample(ms, position) for ms in range(begin_ms, end_ms)]
+
+
+def feed(supervisor: Supervisor, events: Iterable[Event]) -> list[Step]:
+    return [supervisor.step(event) for event in events]
+
+
+def ready(robot: str = "irsbot2", pose: Sequence[float] = (0.0, -0.85), **changes: Any) -> tuple[Supervisor, Floats]:
+    """A supervisor that has watched a standing robot for 200 ms, until time 0, and where the robot stands."""
+    supervisor = supervisor_of(robot, **changes)
+    joints = joints_of(supervisor, *pose)
+    steps = feed(supervisor, resting(-200, 0, joints))
+    last = steps[-1].state
+    assert last is not None
+    assert last.level == 0, f"the robot does not stand well: {supervisor.step(tick(-0.5)).verdict}"
+    return supervisor, joints
+
+
+def story(steps: Iterable[Step]) -> list[Chapter]:
+    """Every judgement that came into force, as a replay tells it."""
+    return [
+        Chapter(turn.since_ns, turn.level, turn.causes, turn.latched, turn.event, "")
+        for step in steps
+        for turn in step.turns
+    ]

@@ -1,0 +1,294 @@
+"""Rates are believed as far as the positions bear them out; what no motion explains is rejected."""
+
+from __future__ import annotations
+
+from math import exp, inf, isnan, nan, pi, tau
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from supervised import settings_of
+
+from irsbot_msgs_py.records import Cause
+from irsbot_supervisor.core.estimator import Estimate, Estimator
+from irsbot_supervisor.core.intake import Accepted, Rejected
+
+BEGIN_NS = 10**15
+PERIOD_MS = 1.0
+BRAKE = 400.0  # rad/s2, shipped
+SPEED = 12.0  # rad/s, shipped
+
+
+def estimator(robot: str = "irsbot2", **changes) -> Estimator:
+    settings, machine = settings_of(robot, **changes)
+    return Estimator(settings, machine.mechanism.joints)
+
+
+def accepted(ms: float, position, velocity=(), *, age_ms: float = 0.0, seen_ms: float | None = None) -> Accepted:
+    """A sample stamped at `ms`; it arrives age_ms later, on the steady clock at `seen_ms` if that is given."""
+    stamp_ns = BEGIN_NS + round(ms * 1e6)
+    seen_ns = round(((ms + age_ms) if seen_ms is None else seen_ms) * 1e6) + 10**9
+    return Accepted(stamp_ns, stamp_ns + round(age_ms * 1e6), seen_ns, tuple(position), tuple(velocity), ())
+
+
+def watch(filter_: Estimator, samples) -> list[Estimate | Rejected]:
+    return [filter_.update(one) for one in samples]
+
+
+def good(answer: Estimate | Rejected) -> Estimate:
+    assert isinstance(answer, Estimate), f"rejected: {answer}"
+    return answer
+
+
+def implausible(answer: Estimate | Rejected) -> bool:
+    return isinstance(answer, Rejected) and answer.cause == Cause.IMPLAUSIBLE and not answer.harmless
+
+
+def moving(rates, said, begin_ms=0, end_ms=50, start=(0.0, 1.0), period_ms=PERIOD_MS):
+    """Samples of joints at constant rates, rad/s, that report other ones."""
+    times = np.arange(begin_ms, end_ms, period_ms)
+    return [accepted(t, [q + r * (t - begin_ms) / 1e3 for q, r in zip(start, rates, strict=True)], said) for t in times]
+
+
+# --- rates ------------------------------------------------------------------------------------------------------
+
+
+def test_reported_rates_that_the_positions_bear_out_are_used_as_they_are():
+    for answer in watch(estimator(), moving((5.0, -3.0), (5.0, -3.0))):
+        assert good(answer).velocity == (5.0, -3.0)
+        assert not good(answer).degraded
+
+
+@pytest.mark.parametrize("said", [(), (nan, nan), (inf, -inf), (nan, -3.0), (5.0, nan)])
+def test_rates_that_are_missing_or_no_numbers_come_from_the_positions_and_are_called_degraded(said):
+    first, *later = watch(estimator(), moving((5.0, -3.0), said))
+    assert all(map(isnan, good(first).velocity))
+    assert good(first).degraded
+    for answer in later:
+        assert good(answer).velocity == pytest.approx((5.0, -3.0), abs=1e-6)
+        assert good(answer).degraded
+
+
+def test_only_the_joint_without_a_usable_rate_is_derived():
+    later = watch(estimator(), moving((5.0, -3.0), (nan, -3.1)))[1:]
+    assert good(later[0]).velocity == (pytest.approx(5.0, abs=1e-6), -3.1)
+
+
+@pytest.mark.parametrize(("rate", "said"), [(5.0, -5.0), (-6.0, 6.0), (8.0, 1.0), (2.0, 11.0)])
+def test_a_rate_that_contradicts_the_positions_is_replaced(rate, said):
+    for answer in watch(estimator(), moving((rate, 0.0), (said, 0.0)))[1:]:
+        assert good(answer).velocity[0] == pytest.approx(rate, abs=1e-6)
+        assert "joint_1" in good(answer).degraded
+
+
+@given(
+    rate=st.floats(-SPEED, SPEED),
+    said=st.floats(-SPEED, SPEED),
+    period_ms=st.sampled_from([0.25, 1.0, 2.0, 5.0, 20.0]),
+)
+def test_joints_are_never_taken_to_be_slower_than_their_positions_prove(rate, said, period_ms):
+    """Over one period the joint moved at `rate` on the average; braking all the time, it is still faster than that
+    less half of what braking takes off in a period, and less what the encoder steps blur."""
+    answers = watch(estimator(), moving((rate, 0.0), (said, 0.0), end_ms=4 * period_ms, period_ms=period_ms))
+    proven = abs(rate) - 0.5 * BRAKE * period_ms * 1e-3 - 2e-5 / (period_ms * 1e-3)
+    for answer in answers[1:]:
+        if isinstance(answer, Estimate):
+            velocity = answer.velocity[0] if rate >= 0.0 else -answer.velocity[0]
+            assert velocity >= proven - 1e-9
+
+
+def test_a_joint_that_brakes_as_hard_as_it_can_is_not_taken_to_be_faster_than_it_says():
+    """Backward differences of a joint that slows down lag behind: they are the rate of half a period ago."""
+    filter_, v = estimator(), np.maximum(SPEED - BRAKE * np.arange(30) * 1e-3, 0.0)
+    q = np.cumsum(np.concatenate(([0.0], 0.5 * (v[1:] + v[:-1]) * 1e-3)))
+    for k in range(30):
+        assert good(filter_.update(accepted(k, (q[k], 0.0), (v[k], 0.0)))).velocity[0] == v[k]
+
+
+def test_angles_are_compared_modulo_a_turn():
+    filter_ = estimator()
+    good(filter_.update(accepted(0, (pi - 0.003, 1.0), ())))
+    across = good(filter_.update(accepted(1, (-pi + 0.003, 1.0), ())))
+    assert across.velocity == pytest.approx((6.0, 0.0))
+    around = good(filter_.update(accepted(2, (-pi + 0.009 + tau, 1.0 - tau), ())))
+    assert around.velocity == pytest.approx((6.0, 0.0), abs=1e-9)
+
+
+def test_slides_are_not_compared_modulo_anything():
+    filter_ = estimator("orthoglide", velocity_limit=1e4)
+    good(filter_.update(accepted(0, (0.1, 0.1, 0.1), ())))
+    far = good(filter_.update(accepted(1, (0.1 + tau, 0.1, 0.1), ())))
+    assert far.velocity[0] == pytest.approx(tau * 1e3)
+
+
+# --- what the outlook has to add --------------------------------------------------------------------------------
+
+
+def test_the_robot_goes_on_unseen_for_the_age_of_the_sample_and_until_the_next_one():
+    filter_ = estimator()
+    ahead = [good(filter_.update(accepted(k, (0.0, 1.0), (0.0, 0.0), age_ms=3.0))).ahead_s for k in range(5)]
+    assert ahead == pytest.approx([0.003, 0.004, 0.004, 0.004, 0.004])
+
+
+def test_a_sample_from_the_future_is_not_younger_than_now():
+    assert good(estimator().update(accepted(0, (0.0, 1.0), (0.0, 0.0), age_ms=-15.0))).ahead_s == 0.0
+
+
+def test_one_gap_does_not_announce_another_but_a_slower_pace_does():
+    filter_ = estimator()
+    times = [0, 1, 2, 30, 31, 32, 37, 42, 47]
+    ahead = [good(filter_.update(accepted(t, (0.0, 1.0), (0.0, 0.0)))).ahead_s for t in times]
+    assert ahead == pytest.approx([0.0, 0.001, 0.001, 0.001, 0.001, 0.001, 0.001, 0.005, 0.005])
+
+
+def test_differences_lag_behind_by_half_a_period_which_the_outlook_makes_up_for():
+    answers = watch(estimator(), moving((5.0, 0.0), ()))
+    assert good(answers[-1]).ahead_s == pytest.approx(0.0015)
+
+
+# --- jumps ------------------------------------------------------------------------------------------------------
+
+
+@given(st.floats(0.0155, 3.1), st.sampled_from([-1.0, 1.0]), st.integers(0, 1), st.integers(1, 20))
+def test_a_glitch_is_rejected_and_leaves_no_trace(size, sign, joint, length):
+    """The fastest that 1.25 times the limit allows in a period is 15 mrad."""
+    filter_ = estimator()
+    watch(filter_, moving((1.0, 1.0), (1.0, 1.0), 0, 20))
+    for k in range(20, 20 + length):
+        q = [0.001 * k, 1.0 + 0.001 * k]
+        q[joint] += sign * (size + 0.02 * length)  # beyond all that can be gone in the time of the glitch
+        assert implausible(filter_.update(accepted(k, q, (1.0, 1.0))))
+    for k in range(20 + length, 40 + length):
+        back = good(filter_.update(accepted(k, (0.001 * k, 1.0 + 0.001 * k), (1.0, 1.0))))
+        assert back.velocity == (1.0, 1.0)
+    assert not filter_.lost_track
+
+
+@pytest.mark.parametrize("size", [0.035, 0.1, 0.3, 0.7, 2.0])
+def test_a_jump_that_stays_is_a_loss_of_track_however_much_time_passes(size):
+    """0.3 rad could be gone in 20 ms; but nobody has seen the joint go, it was there at once."""
+    filter_ = estimator(stale_s=0.05)
+    watch(filter_, moving((0.0, 0.0), (0.0, 0.0), 0, 20))
+    for k in range(20, 70):
+        assert implausible(filter_.update(accepted(k, (size, 1.0), (0.0, 0.0)))), f"{k} ms"
+        assert not filter_.lost_track
+    good(filter_.update(accepted(70, (size, 1.0), (0.0, 0.0))))
+    assert filter_.lost_track
+
+
+def test_noise_at_full_speed_that_is_once_too_large_does_no_lasting_harm():
+    filter_ = estimator()
+    watch(filter_, moving((SPEED, 0.0), (SPEED, 0.0), 0, 20))
+    answer = filter_.update(accepted(20, (0.24 + 0.0035, 1.0), (SPEED, 0.0)))  # 15.5 mrad in one period
+    assert implausible(answer)
+    for k in range(21, 40):
+        good(filter_.update(accepted(k, (0.012 * k, 1.0), (SPEED, 0.0))))
+    assert not filter_.lost_track
+
+
+def test_a_stamp_that_comes_too_early_costs_one_sample_and_no_more():
+    """The stamps 19.2 and 20.8 in place of 20 and 21 ms: twelve times too fast, as it seems, but seen in time."""
+    filter_ = estimator()
+    watch(filter_, moving((SPEED, 0.0), (SPEED, 0.0), 0, 20))
+    assert implausible(filter_.update(accepted(19.2, (0.24, 1.0), (SPEED, 0.0), seen_ms=20)))
+    for k in range(21, 40):
+        good(filter_.update(accepted(k, (0.012 * k, 1.0), (SPEED, 0.0))))
+    assert not filter_.lost_track
+
+
+def test_a_robot_that_moves_during_a_gap_is_found_again():
+    filter_ = estimator()
+    watch(filter_, moving((SPEED, 0.0), (SPEED, 0.0), 0, 20))
+    answers = watch(filter_, moving((SPEED, 0.0), (SPEED, 0.0), 120, 140, start=(0.012 * 120, 1.0)))
+    assert good(answers[0]).velocity == (SPEED, 0.0)
+    assert not filter_.lost_track
+
+
+def test_after_the_clock_of_the_sender_was_set_back_the_motion_is_followed_from_anew():
+    filter_ = estimator()
+    watch(filter_, moving((1.0, 1.0), (1.0, 1.0), 500, 520))
+    again = good(filter_.update(accepted(400, (0.02, 1.02), (1.0, 1.0), seen_ms=600)))
+    assert again.velocity == (1.0, 1.0)
+    assert good(filter_.update(accepted(401, (0.021, 1.021), (1.0, 1.0), seen_ms=601))).velocity == (1.0, 1.0)
+
+
+# --- frozen -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("said", [1.0, 3.0, -3.0, 12.0])
+@pytest.mark.parametrize("frozen", [0, 1])
+def test_a_joint_that_stands_still_but_reports_motion_is_frozen_even_if_the_other_moves(said, frozen):
+    """A report of 1 rad/s is within the slack of any single sample: the way that adds up gives it away. At most the
+    way of a full braking from 8 rad/s, 0.08 rad, may be untold, and 20 ms may pass."""
+    filter_ = estimator()
+    rates = [2.0, 2.0]
+    watch(filter_, moving(rates, rates, 0, 20))
+    latest = 20 + max(20, 80 / abs(said)) + 3  # 0.08 rad take so many ms
+    rates[frozen] = 0.0
+    told = [2.0, 2.0]
+    told[frozen] = said
+    answers = watch(filter_, moving(rates, told, 20, 150, start=(0.04, 1.04)))
+    first = next(k for k, answer in enumerate(answers, 20) if implausible(answer))
+    assert 40 <= first <= latest
+    assert all(implausible(answer) for answer in answers[first - 20 :])
+
+
+def test_a_frozen_joint_stays_frozen_when_the_motion_ends_and_until_its_position_changes():
+    filter_ = estimator()
+    watch(filter_, moving((2.0, 2.0), (2.0, 2.0), 0, 20))
+    stuck = (0.038, 1.038)
+    assert implausible(watch(filter_, [accepted(k, stuck, (6.0, 0.0)) for k in range(20, 60)])[-1])
+    assert implausible(watch(filter_, [accepted(k, stuck, (0.0, 0.0)) for k in range(60, 2000)])[-1])
+    good(filter_.update(accepted(2000, (0.039, 1.038), (0.0, 0.0))))
+
+
+def test_until_it_is_known_to_be_frozen_a_joint_is_taken_to_move_as_it_says():
+    filter_ = estimator()
+    watch(filter_, moving((10.0, 0.0), (10.0, 0.0), 0, 20))
+    suspect = good(filter_.update(accepted(20, (0.19, 1.0), (10.0, 0.0))))
+    assert suspect.velocity == (10.0, 0.0)
+    assert suspect.degraded
+
+
+def test_the_second_joint_is_looked_at_although_the_first_contradicts_itself_too():
+    filter_ = estimator()
+    answers = watch(filter_, moving((8.0, 0.0), (-8.0, 9.0), 0, 40))
+    assert implausible(answers[-1])
+    assert "joint_2" in answers[-1].text
+
+
+def test_a_filtered_rate_that_lags_behind_after_a_stop_is_no_frozen_encoder():
+    """From 12 rad/s the joint brakes with 400 rad/s2 and stands after 30 ms. The rate that its drive reports went
+    through a filter of first order with a time constant of 8 ms."""
+    filter_, lag_s, reported, q = estimator(), 0.008, SPEED, 0.0
+    for k in range(400):
+        v = max(SPEED - BRAKE * k * 1e-3, 0.0)
+        q += v * 1e-3
+        reported += (v - reported) * (1.0 - exp(-1e-3 / lag_s))
+        good(filter_.update(accepted(k, (q, 1.0), (reported, 0.0))))
+
+
+def test_noise_of_the_rates_of_a_standing_robot_is_no_motion():
+    rng = np.random.default_rng(5)
+    filter_ = estimator()
+    for k in range(5000):
+        good(filter_.update(accepted(k, (0.5, 1.0), rng.normal(0.0, 0.3, 2))))
+
+
+def test_an_offset_of_the_rates_below_standstill_is_no_motion():
+    filter_ = estimator(standstill_speed=0.02)
+    for k in range(10_000):
+        good(filter_.update(accepted(k, (0.5, 1.0), (0.019, -0.019))))
+
+
+# --- settings ---------------------------------------------------------------------------------------------------
+
+
+def test_new_limits_hold_from_the_next_sample_and_the_last_sample_stays_known():
+    filter_ = estimator()
+    watch(filter_, moving((5.0, 0.0), (5.0, 0.0), 0, 20))
+    filter_.configure(settings_of(velocity_limit=3.0)[0])
+    assert implausible(filter_.update(accepted(20, (0.1, 1.0), (5.0, 0.0))))
+    filter_.configure(settings_of()[0])
+    assert good(filter_.update(accepted(21, (0.105, 1.0), ()))).velocity == pytest.approx((5.0, 0.0))

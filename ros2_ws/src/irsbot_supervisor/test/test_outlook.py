@@ -1,0 +1,210 @@
+"""The braking path against an integration of its own, and its certified margins against what is met along it."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from functools import cache
+from itertools import product
+from math import inf, nan
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from supervised import settings_of
+
+import irsbot_kinematics as irs
+from irsbot_kinematics import Status
+from irsbot_supervisor.core.outlook import Foresight
+from irsbot_supervisor.core.settings import settings_from
+
+Array = np.ndarray
+every_robot = pytest.mark.parametrize("name", irs.robots())
+ALL_CUT = {f"{kind}_warn": 1.0 for kind in ("type1", "type2", "constraint", "limb")}
+"""Warnings that are never satisfied: the braking path is cut as often as it may be."""
+
+AHEAD = st.sampled_from([0.0, 0.001, 0.02])
+
+
+shipped = cache(settings_of)
+
+
+def foresight(name: str, **changes) -> tuple[Foresight, irs.Robot]:
+    settings, robot = shipped(name)
+    settings = settings_from({**asdict(settings), **changes}, robot)
+    return Foresight(settings, robot.mechanism), robot
+
+
+def posture(robot: irs.Robot, *pose: float) -> irs.Posture:
+    joints = tuple(robot.inverse(pose).tolist())
+    return robot.mechanism.posture(joints, robot.mechanism.usual_assembly_mode)
+
+
+@cache
+def postures(name: str, number: int, least: float) -> list[irs.Posture]:
+    """Random postures in the usual assembly mode with all margins above `least`, over the whole joint range."""
+    robot, rng = shipped(name)[1], np.random.default_rng(7)
+    mechanism = robot.mechanism
+    low = np.array([max(j.lower, -np.pi) if j.is_angle else j.lower for j in mechanism.joints])
+    high = np.array([min(j.upper, np.pi) if j.is_angle else j.upper for j in mechanism.joints])
+    Q = rng.uniform(low, high, (60 * number, len(low)))
+    good = np.flatnonzero(worst(robot, Q).min(axis=1) > least)[:number]
+    assert len(good) >= number // 2, f"{len(good)} postures of {robot}: the fixture proves nothing"
+    return [mechanism.posture(tuple(Q[i].tolist()), mechanism.usual_assembly_mode) for i in good]
+
+
+def worst(robot: irs.Robot, Q: Array) -> Array:
+    """(N, 4) smallest margins of each kind, -1 where not assembled, infinite where the robot has none."""
+    found = robot.evaluate_many(Q)
+    solved = (found.status == Status.SOLVED)[:, None]
+    limb = found.limb_margin.min(axis=1) if found.limb_margin.shape[1] else np.full(len(Q), np.inf)
+    constraint = np.where(np.isnan(found.constraint_margin), np.inf, found.constraint_margin)
+    columns = np.column_stack((found.type1_margin.min(axis=1), found.type2_margin, constraint, limb))
+    return np.where(solved, columns, -1.0)
+
+
+def integrated(q: Array, v: Array, brake: Array, latency_s: float, times: Array) -> Array:
+    """(len(times), n) joint positions: constant velocity for the latency, then each joint slows down until it stands.
+    The velocity of each joint, written down as a function of time, is summed up by the trapezoidal rule."""
+    fine = np.linspace(0.0, times[-1], 2001)
+    speed = np.maximum(np.abs(v)[:, None] - brake[:, None] * np.maximum(fine - latency_s, 0.0), 0.0)
+    steps = 0.5 * (speed[:, 1:] + speed[:, :-1]) * np.diff(fine)
+    way = np.sign(v)[:, None] * np.concatenate((np.zeros((len(v), 1)), np.cumsum(steps, axis=1)), axis=1)
+    return q + np.column_stack([np.interp(times, fine, column) for column in way])
+
+
+# --- the path ---------------------------------------------------------------------------------------------------
+
+
+@given(
+    rates=st.tuples(st.floats(-12.0, 12.0), st.floats(-12.0, 12.0)),
+    latency_s=st.floats(0.0, 0.05),
+    ahead_s=AHEAD,
+    brakes=st.tuples(st.floats(20.0, 1000.0), st.floats(20.0, 1000.0)),
+)
+def test_the_braking_path_is_the_integral_of_what_the_drives_do(rates, latency_s, ahead_s, brakes):
+    seer, robot = foresight("irsbot2", latency_s=latency_s, deceleration_limit=list(brakes))
+    at = posture(robot, 0.0, -0.85)
+    outlook = seer.foresee(at, rates, ahead_s)
+    v, brake, delay_s = np.array(rates), np.array(brakes), latency_s + ahead_s
+    assert outlook.stop_s == pytest.approx(delay_s + (np.abs(v) / brake).max(), abs=1e-12)
+    assert outlook.travel == pytest.approx(v * delay_s + v * np.abs(v) / (2.0 * brake), abs=1e-12)
+    times = np.linspace(0.0, max(outlook.stop_s, 1e-6), 9)
+    expected = integrated(np.array(at.joints), v, brake, delay_s, times)
+    for time_s, joints in zip(times, expected, strict=True):
+        assert seer.position(at.joints, rates, delay_s, time_s) == pytest.approx(joints, abs=1e-6)
+    assert expected[-1] - at.joints == pytest.approx(outlook.travel, abs=1e-6)
+
+
+def test_a_sample_that_is_late_counts_like_latency():
+    late, robot = foresight("irsbot2", latency_s=0.01)
+    prompt, _ = foresight("irsbot2", latency_s=0.03)
+    at = posture(robot, 0.1, -0.9)
+    assert late.foresee(at, (6.0, -4.0), 0.02) == prompt.foresee(at, (6.0, -4.0), 0.0)
+
+
+# --- certified margins ------------------------------------------------------------------------------------------
+
+
+def checked(name: str, at: irs.Posture, rates, ahead_s: float, error: Array, seer: Foresight) -> tuple[Array, Array]:
+    """The certified floor and the smallest margins met on the densely sampled braking path, if the joints are wrong
+    by `error`. Raises AssertionError where the floor is not below."""
+    settings, robot = shipped(name)
+    brake = np.array(settings.deceleration_limit)
+    outlook = seer.foresee(at, tuple(rates), ahead_s)
+    times = np.linspace(0.0, outlook.stop_s, 200)
+    path = integrated(np.array(at.joints) + error, np.array(rates), brake, settings.latency_s + ahead_s, times)
+    met = worst(robot, path).min(axis=0)
+    floor = np.array(outlook.floor)
+    assert not np.isnan(floor).any()
+    assert (floor <= np.maximum(met, 0.0) + 1e-6).all(), f"{name}: promised {floor}, met {met} from {at.joints} {rates}"
+    return floor, met
+
+
+@every_robot
+@pytest.mark.parametrize("changes", [{}, ALL_CUT], ids=["shipped", "cut"])
+def test_no_margin_on_the_braking_path_is_below_its_certified_floor(name, changes):
+    """Random postures over the whole range and random velocities up to the limit; and the floor is worth something:
+    where nothing comes near on the way, it is not 0."""
+    rng = np.random.default_rng(5)
+    error = 2e-4
+    seer, _robot = foresight(name, encoder_offset=error - 0.5e-5, **changes)
+    limits = np.array(shipped(name)[0].velocity_limit)
+    useful, near = [], 0
+    for at in postures(name, 40, 0.02):
+        rates = rng.uniform(-1.0, 1.0, len(limits)) * limits * 10.0 ** rng.uniform(-2.0, 0.0)
+        wrong = rng.choice([-error, 0.0, error], len(limits))
+        floor, met = checked(name, at, rates, rng.choice([0.0, 0.005]), wrong, seer)
+        finite = np.isfinite(met)
+        if (met[finite] > 0.2).all():
+            useful.append((floor[finite] / met[finite]).min())
+        near += (met < 0.1).any()
+    assert len(useful) >= 5, "no way is free: the fixture proves nothing"
+    assert near >= 1, "nothing comes near: the fixture proves nothing"
+    assert np.median(useful) > 0.5, f"the floor promises too little: {np.median(useful):.2f} of what is met"
+
+
+@every_robot
+def test_a_robot_at_rest_keeps_its_margins_but_for_the_error_of_its_encoders(name):
+    seer, robot = foresight(name, encoder_resolution=0.0, **ALL_CUT)
+    for at in postures(name, 40, 0.02)[:20]:
+        floor = np.array(seer.foresee(at, (0.0,) * len(at.joints), 0.0).floor)
+        now = worst(robot, np.array([at.joints]))[0]
+        assert (floor <= now + 1e-12).all()
+        assert (floor[np.isfinite(now)] >= now[np.isfinite(now)] - 1e-6).all()
+
+
+@given(speed=st.floats(2.0, 12.0), ahead_s=AHEAD, z=st.floats(-0.62, -0.48))
+def test_a_way_that_leads_across_parallel_rods_promises_nothing_of_type_2_although_its_end_looks_good(
+    speed, ahead_s, z
+):
+    """Symmetric arms of irsbot2_beta45 swing towards each other: the elbows meet where b0 + l1 cos q2 = 0, and part
+    again in the other order. Between, the rods were parallel, and no posture at the end tells."""
+    seer, robot = foresight("irsbot2_beta45")
+    at = posture(robot, 0.0, z)
+    geometry = robot.mechanism.geometry
+
+    def elbow(q2: float) -> float:
+        return geometry.b0 + geometry.l1 * np.cos(q2)
+
+    rates = (speed, -speed) if elbow(at.joints[1]) > 0.0 else (-speed, speed)
+    outlook = seer.foresee(at, rates, ahead_s)
+    assume(elbow(at.joints[1] + outlook.travel[1]) * elbow(at.joints[1]) < 0.0)
+    assert outlook.floor[1] == 0.0
+
+
+# --- what is not known ------------------------------------------------------------------------------------------
+
+
+@every_robot
+@pytest.mark.parametrize("bad", [nan, inf, -inf, 1e308, 1e200])
+def test_velocities_that_are_no_velocities_promise_nothing(name, bad):
+    seer, _robot = foresight(name)
+    at = max(postures(name, 40, 0.02), key=lambda one: min(one.cos_pressure))
+    for joint in range(len(at.joints)):
+        rates = tuple(bad if k == joint else 0.1 for k in range(len(at.joints)))
+        outlook = seer.foresee(at, rates, 0.0)
+        assert [value for value in outlook.floor if value < inf] == [0.0] * (4 - outlook.floor.count(inf))
+        assert outlook.floor[0] == outlook.floor[1] == 0.0
+
+
+def test_a_latency_without_end_promises_nothing():
+    seer, robot = foresight("irsbot2")
+    at = posture(robot, 0.0, -0.85)
+    for ahead_s in (inf, nan, 1e300):
+        assert max(seer.foresee(at, (1.0, 1.0), ahead_s).floor[:2]) == 0.0
+
+
+@pytest.mark.parametrize("name", [n for n in irs.robots() if n.startswith("irsbot2")])
+def test_the_constraint_margin_of_an_irsbot2_is_a_number_wherever_it_is_assembled(name):
+    """NaN there means to the supervisor that the robot has no such margin, and nothing is compared."""
+    robot = irs.make_robot(name)
+    rng = np.random.default_rng(11)
+    turn = np.arange(-np.pi, np.pi, np.pi / 6)
+    for q in [*product(turn, turn), *rng.uniform(-np.pi, np.pi, (500, 2))]:
+        for assembly in robot.mechanism.assembly_modes:
+            at = robot.mechanism.posture(tuple(map(float, q)), assembly)
+            if at.status == Status.SOLVED:
+                assert 0.0 <= at.constraint <= 1.5
+                floor = robot.mechanism.guarantee(at, (0.05, 0.05)).constraint
+                assert 0.0 <= floor <= at.constraint + 1e-12

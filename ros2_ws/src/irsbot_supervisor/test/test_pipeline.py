@@ -1,0 +1,465 @@
+"""Events in, states and verdicts out: what is known is judged, what is not known is never called good."""
+
+from __future__ import annotations
+
+from math import inf, isfinite, isnan, nan
+
+import numpy as np
+import pytest
+from supervised import (
+    JOINTS,
+    MS,
+    STEADY_NS,
+    configure,
+    feed,
+    joints_of,
+    ready,
+    reset,
+    resting,
+    sample,
+    settings_of,
+    story,
+    supervisor_of,
+    tick,
+)
+
+import irsbot_kinematics as irs
+from irsbot_msgs_py.records import Cause, JointSample, Level, Verdict
+from irsbot_supervisor.core.pipeline import Step, Supervisor
+from irsbot_supervisor.core.settings import InvalidSettings
+
+STALE_MS, DWELL_MS, HEARTBEAT_MS = 50, 50, 10
+"""ms: shipped settings, which the tests write out."""
+
+
+BOUNDARY = (1.04, -0.49)
+"""m: leg I of irsbot2 is 0.6 rad from straight, and gets nearer while q_1 falls."""
+
+
+def level_in_force(steps: list[Step]) -> Level:
+    """Of the newest verdict."""
+    return [step.verdict for step in steps if step.verdict is not None][-1].level
+
+
+def newest(steps: list[Step]) -> Verdict:
+    return [step.verdict for step in steps if step.verdict is not None][-1]
+
+
+def approach(q, ms: int, rates=(6.0, -6.0), begin_ms: int = 0) -> JointSample:
+    """A sample of joints that move steadily from q since `begin_ms`."""
+    return sample(ms, [a + v * (ms - begin_ms) / 1e3 for a, v in zip(q, rates, strict=True)], rates)
+
+
+# --- the good way -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", irs.robots())
+def test_a_robot_that_rests_in_a_good_posture_is_ok_after_the_dwell_time(name):
+    supervisor = supervisor_of(name)
+    rng = np.random.default_rng(2)
+    mechanism = supervisor.robot.mechanism
+    low = [max(j.lower, -3.0) if j.is_angle else j.lower for j in mechanism.joints]
+    high = [min(j.upper, 3.0) if j.is_angle else j.upper for j in mechanism.joints]
+    Q = rng.uniform(low, high, (3000, len(low)))
+    found = supervisor.robot.evaluate_many(Q)
+    usual = (found.working_mode == mechanism.usual_working_mode).all(axis=1)
+    quality = np.minimum(np.nan_to_num(found.type1_margin.min(axis=1)), np.nan_to_num(found.type2_margin))
+    q = tuple(Q[np.argmax(np.where(usual, quality, 0.0))].tolist())
+    assert np.where(usual, quality, 0.0).max() > 0.4, "no good posture: the fixture proves nothing"
+    names = supervisor.settings.joint_names
+    steps = feed(supervisor, [tick(0), *(sample(ms, q, names=names) for ms in range(1, 80))])
+    assert [(one.since_ns - STEADY_NS, one.level) for one in story(steps)] == [
+        (0, Level.UNKNOWN),
+        ((1 + DWELL_MS) * MS, Level.OK),
+    ]
+    assert all(step.state is not None and step.state.level == Level.OK for step in steps[1:])
+
+
+def test_the_state_says_of_a_sample_what_the_library_says():
+    supervisor, q = ready(pose=(0.1, -0.8))
+    state = supervisor.step(sample(0, q, effort=(1.0, 2.0))).state
+    found = supervisor.robot.evaluate(q, force=10.0)
+    assert state.pose == pytest.approx((0.1, -0.8), abs=1e-12)
+    assert state.type1_margin == pytest.approx(found.type1_margin, abs=1e-12)
+    assert state.type2_margin == pytest.approx(found.type2_margin, abs=1e-12)
+    assert state.constraint_margin == pytest.approx(found.constraint_margin, abs=1e-12)
+    assert state.pressure_angle == pytest.approx(found.pressure_angle, abs=1e-9)
+    assert state.clearance == pytest.approx(found.clearance)
+    assert (state.working_mode, state.assembly_mode) == (found.working_mode, found.assembly_mode)
+    forces = np.array([-1.0, -2.0]) / np.diag(supervisor.robot.jacobians(found.pose, q)[1])
+    assert state.reaction == pytest.approx(forces)
+    assert state.stop_margin <= min(*state.type1_margin, state.type2_margin, state.constraint_margin)
+
+
+def test_a_verdict_comes_with_every_change_and_at_least_every_heartbeat():
+    supervisor, q = ready()
+    spoken = [ms for ms in range(300) if supervisor.step(sample(ms, q)).verdict is not None]
+    assert np.diff([-HEARTBEAT_MS, *spoken]).max() <= HEARTBEAT_MS
+    stopped = supervisor.step(sample(300, (nan, nan)))
+    assert stopped.verdict is not None
+    assert stopped.verdict.level == Level.UNKNOWN
+
+
+def test_verdicts_are_numbered_and_carry_the_hash_of_the_settings():
+    supervisor, q = ready()
+    verdicts = [step.verdict for step in feed(supervisor, resting(0, 100, q)) if step.verdict is not None]
+    assert len(verdicts) >= 9
+    assert set(np.diff([verdict.sequence for verdict in verdicts])) == {1}
+    assert {verdict.config_hash for verdict in verdicts} == {supervisor.settings.config_hash}
+
+
+def test_joints_in_another_order_are_the_same_robot():
+    one, q = ready()
+    other, _ = ready()
+    for ms in range(20):
+        given = approach(q, ms, (1.0, 0.5))
+        turned = given._replace(
+            names=JOINTS[::-1], position=given.position[::-1], velocity=given.velocity[::-1], effort=given.effort[::-1]
+        )
+        assert repr(one.step(given)) == repr(other.step(turned))
+
+
+# --- data that says nothing -------------------------------------------------------------------------------------
+
+BAD = {
+    "a NaN position": (lambda ms, q: sample(ms, (nan, q[1])), Cause.NONFINITE),
+    "an infinite position": (lambda ms, q: sample(ms, (q[0], -inf)), Cause.NONFINITE),
+    "a position beyond all reason": (lambda ms, q: sample(ms, (q[0], 1e308)), Cause.IMPLAUSIBLE),
+    "no names": (lambda ms, q: JointSample(*sample(ms, q)[:3], (), ()), Cause.NAMES),
+    "a missing joint": (lambda ms, q: sample(ms, q[:1], names=JOINTS[:1]), Cause.NAMES),
+    "a doubled joint": (lambda ms, q: sample(ms, (*q, q[0]), names=(*JOINTS, JOINTS[0])), Cause.NAMES),
+    "too few positions": (lambda ms, q: sample(ms, q[:1], names=JOINTS), Cause.NAMES),
+    "too many velocities": (lambda ms, q: sample(ms, q, (0.0, 0.0, 0.0)), Cause.NAMES),
+    "an old stamp": (lambda ms, q: sample(ms, q, age_ms=201.0), Cause.STAMP),
+    "a stamp of the future": (lambda ms, q: sample(ms, q, age_ms=-21.0), Cause.STAMP),
+    "a stamp of zero": (lambda ms, q: sample(ms, q)._replace(stamp_ns=0), Cause.STAMP),
+    "a jump": (lambda ms, q: sample(ms, (q[0] + 0.5, q[1])), Cause.IMPLAUSIBLE),
+}
+bad = pytest.mark.parametrize(("make", "cause"), BAD.values(), ids=BAD)
+
+
+@bad
+@pytest.mark.parametrize("dwell_s", [0.0, 0.005, 0.05])
+def test_bad_samples_are_unknown_and_no_verdict_is_ok_until_a_good_one_comes(make, cause, dwell_s):
+    """Ten of them at once, then nothing but ticks: whatever the dwell time, nobody may call this good."""
+    supervisor, q = ready(dwell_s=dwell_s)
+    steps = feed(supervisor, [make(ms, q) for ms in range(10)])
+    for step in steps:
+        assert step.state.level == Level.UNKNOWN
+        assert step.state.causes == cause
+        assert isnan(step.state.type2_margin)
+        assert isnan(step.state.stop_margin)
+    assert supervisor.rejections == {cause: 10}
+    steps += feed(supervisor, [tick(ms) for ms in np.arange(9.5, 400, 0.5)])
+    assert {step.verdict.level for step in steps if step.verdict is not None} == {Level.UNKNOWN}
+    assert newest(steps[:11]).causes & cause
+    steps = feed(supervisor, resting(400, 600, q))
+    assert level_in_force(steps) == Level.OK
+    good = next(one for one in story(steps) if one.level == Level.OK)
+    assert good.since_ns - STEADY_NS == pytest.approx((400 + 1e3 * dwell_s) * MS)
+
+
+@pytest.mark.parametrize("make", [make for name, (make, _cause) in BAD.items() if name != "a jump"])
+def test_a_supervisor_that_has_only_seen_bad_samples_knows_nothing(make):
+    supervisor = supervisor_of(dwell_s=0.0)
+    steps = feed(supervisor, [make(0, joints_of(supervisor, 0.0, -0.85)), *(tick(ms) for ms in range(1, 300))])
+    assert {step.verdict.level for step in steps if step.verdict is not None} == {Level.UNKNOWN}
+
+
+def test_repeated_and_overtaken_samples_neither_help_nor_harm():
+    supervisor, q = ready()
+    for ms in range(40):
+        step = supervisor.step(sample(ms, q, age_ms=ms + 5.0))
+        assert step.state.level == Level.UNKNOWN  # nothing follows from this sample ...
+        assert step.state.causes == Cause.STAMP
+        assert step.verdict is None or step.verdict.level == Level.OK  # ... and the one before still counts
+    assert level_in_force(feed(supervisor, [tick(ms) for ms in range(40, 60)])) == Level.UNKNOWN
+
+
+@pytest.mark.parametrize("phase_ms", [0.0, 0.3, 7.7])
+def test_silence_is_unknown_from_the_moment_on_when_the_last_sample_got_too_old(phase_ms):
+    supervisor, q = ready()
+    steps = feed(supervisor, [sample(0, q), *(tick(ms + phase_ms) for ms in range(10, 210, 10))])
+    silent = story(steps)[-1]
+    assert (silent.level, silent.causes) == (Level.UNKNOWN, Cause.STALE)
+    assert silent.since_ns - STEADY_NS == STALE_MS * MS
+    first = next(step.verdict for step in steps if step.verdict is not None and step.verdict.level == Level.UNKNOWN)
+    assert first.speed_scale == 0.0
+    steps = feed(supervisor, resting(210, 300, q))
+    assert [(one.since_ns - STEADY_NS, one.level) for one in story(steps)] == [((210 + DWELL_MS) * MS, Level.OK)]
+
+
+def test_ten_lost_samples_change_nothing():
+    supervisor, q = ready()
+    steps = feed(supervisor, [sample(ms, q) for ms in range(0, 400) if ms % 37 > 10])
+    assert story(steps) == []
+
+
+def test_a_driver_that_sends_its_last_message_again_and_again_is_silent():
+    supervisor, q = ready(dwell_s=0.005)
+    last = sample(0, q)
+    steps = feed(supervisor, [last])
+    steps += feed(supervisor, [sample(ms, q, age_ms=ms) for ms in range(1, 190)])
+    assert [one.level for one in story(steps)] == [Level.UNKNOWN]
+
+
+def test_velocities_that_are_missing_are_a_warning_once_they_can_be_derived():
+    supervisor = supervisor_of()
+    q = joints_of(supervisor, 0.0, -0.85)
+    first = supervisor.step(sample(0, q, ()))
+    assert (first.state.level, first.state.causes) == (Level.UNKNOWN, Cause.DEGRADED)
+    assert isnan(first.state.stop_margin)
+    later = [supervisor.step(sample(ms, (q[0] + 1e-3 * ms, q[1]), ())) for ms in range(1, 100)]
+    for step in later:
+        assert (step.state.level, step.state.causes) == (Level.WARN, Cause.DEGRADED)
+        assert step.state.joint_velocity == pytest.approx((1.0, 0.0), abs=1e-6)
+        assert isfinite(step.state.stop_margin)
+    assert level_in_force(later) == Level.WARN
+
+
+def test_velocities_that_contradict_the_positions_do_not_hide_a_run_at_the_boundary():
+    """The message says that the robot rests; its positions run at Type 1 with 6 rad/s, which two samples tell."""
+    supervisor, q = ready(pose=BOUNDARY)
+    steps = []
+    for ms in range(1, 400):
+        steps.append(supervisor.step(sample(ms, (q[0] - 6e-3 * ms, q[1]), (0.0, 0.0))))
+        if steps[-1].state.level == Level.STOP:
+            break
+    assert steps[5].state.causes == Cause.DEGRADED
+    assert steps[-1].state.level == Level.STOP
+    assert min(steps[-1].state.type1_margin) > 0.15
+
+
+@pytest.mark.parametrize("rate", [3.0, 6.0, 12.0])
+def test_a_frozen_encoder_is_found_while_the_other_joint_moves(rate):
+    supervisor, q = ready()
+    for ms in range(200):
+        step = supervisor.step(sample(ms, (q[0], q[1] + 5e-4 * ms), (rate, 0.5)))
+        if step.state.level == Level.UNKNOWN:
+            break
+    assert step.state.causes == Cause.IMPLAUSIBLE
+    assert ms <= max(20, 80 / rate) + 2
+
+
+# --- the branch -------------------------------------------------------------------------------------------------
+
+
+def test_another_working_mode_is_a_loss_of_the_branch_that_a_look_does_not_cure():
+    supervisor = supervisor_of()
+    wrong = tuple(supervisor.robot.inverse((0.0, -0.85), (-1, -1)).tolist())
+    steps = feed(supervisor, resting(0, 200, wrong))
+    assert (level_in_force(steps), newest(steps).latched) == (Level.UNKNOWN, True)
+    assert newest(steps).causes & Cause.BRANCH
+    assert "mode" in supervisor.step(reset(200, newest(steps).event)).refusal
+    assert supervisor.step(sample(201, wrong)).state.level == Level.UNKNOWN
+
+
+@pytest.mark.parametrize("gap_m", [0.0, 1e-12, 1e-9, 1e-7, 9e-7, 1.1e-6, 1e-4, 1e-2])
+def test_near_a_type_2_locus_nothing_is_ok_and_contact_is_latched_as_a_loss_of_the_branch(gap_m):
+    """Elbows of irsbot2_beta45 that are `gap_m` apart: the cranks stand mirrored with b0 + l1 cos q2 = gap/2."""
+    supervisor = supervisor_of("irsbot2_beta45")
+    geometry = supervisor.robot.mechanism.geometry
+    q2 = -np.arccos((0.5 * gap_m - geometry.b0) / geometry.l1)
+    q = (float(-np.pi - q2), float(q2))
+    steps = feed(supervisor, resting(0, 100, q))
+    for step in steps:
+        assert step.state.level in (Level.STOP, Level.UNKNOWN)
+        assert step.state.causes & (Cause.TYPE2 | Cause.NOT_ASSEMBLED)
+    verdict = newest(steps)
+    assert verdict.latched
+    touched = bool(verdict.causes & Cause.BRANCH)
+    assert touched == (gap_m <= 1e-6)
+    away = joints_of(supervisor, 0.0, -0.8)
+    steps = feed(supervisor, resting(2000, 2200, away))
+    assert newest(steps).latched
+    assert newest(steps).level == (Level.UNKNOWN if touched else Level.STOP)
+
+
+def test_legs_that_come_apart_have_passed_type_2_and_the_branch_is_lost():
+    """Rods in line: the elbows of irsbot2 are farther apart than both rods reach."""
+    supervisor = supervisor_of("irsbot2", velocity_limit=1e3)
+    geometry = supervisor.robot.mechanism.geometry
+    assert 2.0 * (geometry.l1 + geometry.b0) < 2.0 * geometry.l2eq, "the fixture needs a design that cannot come apart"
+    csc = supervisor_of("irsbot2_csc", velocity_limit=1e3)
+    wide = (float(np.pi), 0.0)  # both cranks point outwards
+    assert csc.robot.mechanism.posture(wide, -1).status == irs.Status.UNREACHABLE
+    steps = feed(csc, [sample(ms, wide) for ms in range(100)])
+    assert newest(steps).latched
+    assert newest(steps).causes & Cause.BRANCH
+    assert all(step.state.causes == Cause.BRANCH | Cause.NOT_ASSEMBLED for step in steps)
+    assert all(isnan(step.state.type2_margin) for step in steps)
+
+
+def test_a_jump_that_stays_is_latched_until_somebody_has_looked():
+    supervisor, q = ready()
+    steps = feed(supervisor, resting(0, 150, (q[0] + 0.2, q[1])))
+    verdict = newest(steps)
+    assert verdict.latched
+    assert verdict.causes & Cause.BRANCH
+    assert supervisor.step(reset(150, verdict.event)).refusal == ""
+    assert level_in_force(feed(supervisor, resting(151, 300, (q[0] + 0.2, q[1])))) == Level.OK
+
+
+# --- stop and reset ---------------------------------------------------------------------------------------------
+
+
+def stopped() -> tuple[Supervisor, tuple[float, ...], Verdict]:
+    """A supervisor that has stopped a run at the boundary, and where the robot then rests, well inside again."""
+    supervisor, q = ready(pose=BOUNDARY)
+    steps = feed(supervisor, [approach(q, ms, (-6.0, 0.0)) for ms in range(1, 75)])
+    verdict = newest(steps)
+    assert verdict.level == Level.STOP, "the run was not stopped: the fixture proves nothing"
+    steps = feed(supervisor, resting(2000, 2400, q))  # the operator has moved it back meanwhile
+    assert newest(steps).latched
+    return supervisor, q, newest(steps)
+
+
+def test_a_stop_names_cause_value_limit_and_a_way_out():
+    supervisor, q = ready(pose=BOUNDARY)
+    steps = feed(supervisor, [approach(q, ms, (-6.0, 0.0)) for ms in range(1, 75)])
+    stop = next(step.verdict for step in steps if step.verdict is not None and step.verdict.level == Level.STOP)
+    assert stop.latched
+    assert stop.event == 1
+    assert stop.speed_scale == 0.0
+    assert stop.causes & Cause.BRAKING
+    finding = next(one for one in stop.findings if one.level == Level.STOP)
+    assert finding.value < finding.limit == 0.15
+    assert finding.text in stop.text
+    assert np.hypot(*stop.escape_direction) == pytest.approx(1.0)
+    at = next(step.state for step in steps if step.verdict is stop)
+    kind = 0 if finding.cause & Cause.TYPE1 else 1
+    ahead = supervisor.robot.evaluate(np.add(at.joint_position, np.multiply(1e-3, stop.escape_direction)))
+    now = supervisor.robot.evaluate(at.joint_position)
+    assert (min(ahead.type1_margin), ahead.type2_margin)[kind] > (min(now.type1_margin), now.type2_margin)[kind]
+
+
+def test_a_stop_is_ended_by_its_number_and_work_goes_on():
+    supervisor, q, verdict = stopped()
+    answer = supervisor.step(reset(2400, verdict.event))
+    assert answer.refusal == ""
+    assert (answer.verdict.level, answer.verdict.latched) == (Level.OK, False)
+    assert story(feed(supervisor, resting(2401, 2600, q))) == []
+
+
+@pytest.mark.parametrize("offset", [-1, 1, 7])
+def test_another_number_ends_nothing(offset):
+    supervisor, q, verdict = stopped()
+    assert str(verdict.event) in supervisor.step(reset(2400, verdict.event + offset)).refusal
+    assert newest(feed(supervisor, resting(2401, 2450, q))).latched
+
+
+def test_a_robot_that_moves_is_not_reset():
+    supervisor, q, verdict = stopped()
+    feed(supervisor, [approach(q, ms, (0.5, 0.0), 2400) for ms in range(2400, 2450)])
+    assert "standing" in supervisor.step(reset(2450, verdict.event)).refusal
+
+
+@bad
+def test_no_stop_is_reset_while_the_newest_data_is_bad(make, cause):
+    supervisor, q, verdict = stopped()
+    feed(supervisor, [make(ms, q) for ms in range(2400, 2410)])
+    answer = supervisor.step(reset(2410, verdict.event))
+    assert "not known" in answer.refusal
+    assert newest([answer, *feed(supervisor, resting(2411, 2500, q))]).latched
+
+
+def test_no_stop_is_reset_in_silence():
+    supervisor, _q, verdict = stopped()
+    assert "no good sample" in supervisor.step(reset(2451, verdict.event)).refusal
+    assert "no good sample" in supervisor_of().step(reset(0, 0)).refusal
+
+
+def test_no_stop_is_reset_while_its_cause_is_there():
+    supervisor, q = ready(pose=BOUNDARY)
+    steps = feed(supervisor, [approach(q, ms, (-6.0, 0.0)) for ms in range(1, 85)])
+    near = steps[-1].state.joint_position
+    steps = feed(supervisor, resting(100, 400, near))
+    assert min(steps[-1].state.type1_margin) < 0.15, "the robot is not near: the fixture proves nothing"
+    assert "still there" in supervisor.step(reset(400, newest(steps).event)).refusal
+
+
+def test_a_refused_reset_confirms_nothing():
+    """The branch is lost and the posture bad: the operator may not reset, and his try must not be remembered."""
+    supervisor = supervisor_of("irsbot2_beta45")
+    geometry = supervisor.robot.mechanism.geometry
+    q2 = float(-np.arccos(-geometry.b0 / geometry.l1))
+    contact = (-np.pi - q2, q2)
+    event = newest(feed(supervisor, resting(0, 60, contact))).event
+    beside = (contact[0] + 0.01, contact[1] - 0.01)
+    feed(supervisor, resting(60, 160, beside))
+    assert supervisor.step(reset(160, event)).refusal
+    assert supervisor.step(sample(161, beside)).state.causes & Cause.BRANCH
+
+
+@pytest.mark.parametrize("event", [0, 1, 2])
+def test_a_reset_cannot_be_armed_beforehand(event):
+    supervisor, q = ready(pose=BOUNDARY)
+    for ms in range(1, 75):
+        assert supervisor.step(reset(ms, event)).refusal
+        step = supervisor.step(approach(q, ms, (-6.0, 0.0)))
+    assert step.state.level == Level.STOP
+    assert newest([supervisor.step(tick(100))]).latched
+
+
+def test_the_seed_pose_of_a_reset_tells_the_assembly_mode():
+    supervisor, q, verdict = stopped()
+    other = supervisor.robot.direct(q, 1)
+    assert "assembly mode" in supervisor.step(reset(2400, verdict.event)._replace(seed_pose=tuple(other))).refusal
+    for nonsense in ((nan, nan), (1.0,), (0.0, -0.8, 0.0), (inf, 0.0)):
+        assert supervisor.step(reset(2401, verdict.event)._replace(seed_pose=nonsense)).refusal
+    assert supervisor.step(reset(2402, verdict.event)._replace(seed_pose=(0.3, -0.7))).refusal == ""
+
+
+# --- settings and errors ----------------------------------------------------------------------------------------
+
+
+def test_new_settings_hold_from_the_next_sample_and_are_named_by_the_verdict():
+    supervisor, q = ready()
+    margin = supervisor.step(sample(0, q)).state.type2_margin
+    answer = supervisor.step(configure(1, supervisor, type2_warn=margin + 0.05, type2_stop=0.1))
+    assert answer.verdict.config_hash == supervisor.settings.config_hash
+    assert supervisor.step(sample(2, q)).state.causes & Cause.TYPE2
+
+
+def test_settings_that_are_refused_leave_the_old_ones_in_force():
+    supervisor, q = ready()
+    before = supervisor.settings
+    with pytest.raises(InvalidSettings, match=r"type1_warn \(0\.01\).*type1_stop \(0\.15\)"):
+        supervisor.step(configure(0, supervisor, type1_warn=0.01))
+    assert supervisor.settings is before
+    assert supervisor.step(sample(1, q)).state.level == Level.OK
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"joint_names": ["joint_2", "joint_1"]}, {"working_mode": [-1, -1]}, {"assembly_mode": 1}, {"robot": "five_bar"}],
+)
+def test_what_is_read_only_does_not_change_under_way(change):
+    """With names in another order the joints would go on being taken in the old one."""
+    supervisor, q = ready()
+    with pytest.raises(InvalidSettings, match="cannot become"):
+        supervisor.step(configure(0, supervisor, **change))
+    assert supervisor.step(sample(1, q)).state.level == Level.OK
+
+
+def test_no_change_of_settings_clears_a_stop():
+    supervisor, q, verdict = stopped()
+    for ms, change in enumerate(({"type1_stop": 0.001}, {"dwell_s": 0.0}, {"stale_s": 10.0}), 2400):
+        answer = supervisor.step(configure(ms, supervisor, **change))
+        assert (answer.verdict.latched, answer.verdict.event) == (True, verdict.event)
+    assert newest(feed(supervisor, resting(2410, 2600, q))).latched
+
+
+def test_an_error_inside_is_unknown_until_a_sample_is_judged_without_one():
+    supervisor, q = ready(dwell_s=0.0)
+    verdict = supervisor.fail(sample(0, q).seen_ns, "division by zero")
+    assert (verdict.level, verdict.causes) == (Level.UNKNOWN, Cause.INTERNAL)
+    assert "division by zero" in verdict.text
+    steps = feed(supervisor, [tick(ms / 10) for ms in range(1, 400)])
+    assert {step.verdict.level for step in steps if step.verdict is not None} == {Level.UNKNOWN}
+    assert level_in_force(feed(supervisor, resting(40, 43, q))) == Level.OK
+
+
+def test_only_a_change_of_what_may_change_alters_the_hash():
+    supervisor, _q = ready()
+    assert supervisor.settings.config_hash == settings_of()[0].config_hash

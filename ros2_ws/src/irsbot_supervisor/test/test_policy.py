@@ -1,0 +1,189 @@
+"""Every comparison with a threshold as a table: at the limit, beside it, and for NaN, which is never good."""
+
+from __future__ import annotations
+
+from math import inf, nan, nextafter
+
+import pytest
+from supervised import settings_of
+
+from irsbot_kinematics import Status
+from irsbot_msgs_py.records import Cause, Finding, Level
+from irsbot_supervisor.core.assess import Assessment, margins_of
+from irsbot_supervisor.core.estimator import Estimate
+from irsbot_supervisor.core.outlook import Outlook
+from irsbot_supervisor.core.policy import KINDS, OBSERVABLE, Policy
+
+LIMITS = {
+    **{"type1_warn": 0.3, "type1_stop": 0.2, "type2_warn": 0.4, "type2_stop": 0.1},
+    **{"constraint_warn": 0.06, "constraint_stop": 0.04, "limb_warn": 0.5, "limb_stop": 0.25},
+    **{"hysteresis": 0.1, "velocity_limit": [3.0, 5.0], "reaction_limit_n": 100.0},
+}
+SETTINGS, ROBOT = settings_of(**LIMITS)
+WARN, STOP = (0.3, 0.4, 0.06, 0.5), (0.2, 0.1, 0.04, 0.25)
+AT = ROBOT.mechanism.posture(tuple(ROBOT.inverse((0.0, -0.85)).tolist()), -1)
+GOOD = (0.9, 0.9, 0.9, inf)
+"""Margins far above all limits; no limb has one."""
+
+assert AT.status == Status.SOLVED
+
+
+def judge(
+    floor=GOOD, now=GOOD, *, velocity=(0.0, 0.0), degraded="", branch="", held=0, reaction=(0.0, 0.0), at=AT, **changes
+) -> list[Finding]:
+    settings = settings_of(**{**LIMITS, **changes})[0] if changes else SETTINGS
+    estimate = Estimate(1, 1, 1, AT.joints, velocity, (), degraded, 0.0)
+    outlook = Outlook(floor, (0.0, 0.0), 0.01) if floor is not None else None
+    return Policy(settings).judge(estimate, Assessment(at, now, branch), outlook, reaction, held)
+
+
+def only(findings: list[Finding]) -> Finding:
+    assert len(findings) == 1, findings
+    return findings[0]
+
+
+def with_value(kind: int, value: float) -> tuple[float, ...]:
+    return tuple(value if i == kind else other for i, other in enumerate(GOOD))
+
+
+# --- margins ----------------------------------------------------------------------------------------------------
+
+
+def below(value: float) -> float:
+    return nextafter(value, -inf)
+
+
+@pytest.mark.parametrize("kind", range(4))
+def test_a_floor_is_graded_against_warn_and_stop(kind):
+    warn, stop = WARN[kind], STOP[kind]
+    table = [
+        (inf, None),
+        (warn, None),
+        (below(warn), Level.WARN),
+        (0.5 * (warn + stop), Level.WARN),
+        (stop, Level.WARN),
+        (below(stop), Level.STOP),
+        (0.0, Level.STOP),
+        (-inf, Level.STOP),
+        (nan, Level.STOP),
+    ]
+    for floor, level in table:
+        findings = judge(with_value(kind, floor))
+        assert [finding.level for finding in findings] == ([level] if level is not None else []), floor
+        for finding in findings:
+            assert finding.cause == KINDS[kind] | Cause.BRAKING  # the robot itself is still far away
+            assert finding.limit == (warn if level == Level.WARN else stop)
+            assert finding.value == floor or finding.value != finding.value
+
+
+@pytest.mark.parametrize("kind", range(4))
+@pytest.mark.parametrize("share", [0.999, 0.5, 0.0, nan])
+def test_a_margin_that_is_itself_below_its_limit_is_named_with_its_own_value(kind, share):
+    now = STOP[kind] * share
+    finding = only(judge(with_value(kind, now), with_value(kind, now)))
+    assert (finding.cause, finding.level, finding.limit) == (KINDS[kind], Level.STOP, STOP[kind])
+    assert finding.value == now or now != now
+
+
+def test_a_margin_between_its_limits_that_will_fall_below_stop_is_a_matter_of_braking():
+    finding = only(judge(with_value(0, 0.19), with_value(0, 0.25)))
+    assert (finding.cause, finding.level, finding.value) == (Cause.TYPE1 | Cause.BRAKING, Level.STOP, 0.19)
+
+
+def test_every_margin_that_is_not_good_is_a_finding_of_its_own():
+    findings = judge((0.25, nan, 0.05, 0.1), (0.25, 0.9, 0.9, 0.1))
+    assert [(finding.cause, finding.level) for finding in findings] == [
+        (Cause.TYPE1, Level.WARN),
+        (Cause.TYPE2 | Cause.BRAKING, Level.STOP),
+        (Cause.CONSTRAINT | Cause.BRAKING, Level.WARN),
+        (Cause.LIMB, Level.STOP),
+    ]
+
+
+@pytest.mark.parametrize("kind", range(4))
+def test_a_warning_ends_above_the_limit_where_it_began(kind):
+    warn = WARN[kind]
+    release = warn * 1.1
+    held = int(KINDS[kind])
+    for floor, expected in [(warn, 1), (below(release), 1), (release, 0), (inf, 0)]:
+        assert len(judge(with_value(kind, floor), held=held)) == expected, floor
+        assert judge(with_value(kind, floor), held=0) == []
+        assert judge(with_value(kind, floor), held=int(Cause.STALE | Cause.SPEED)) == []
+    lingering = only(judge(with_value(kind, warn), held=held))
+    assert (lingering.cause, lingering.level, lingering.limit) == (KINDS[kind], Level.WARN, pytest.approx(release))
+
+
+def test_a_held_cause_makes_no_bad_margin_good():
+    for floor in (nan, 0.0):
+        assert only(judge(with_value(1, floor), held=int(Cause.TYPE2))).level == Level.STOP
+
+
+# --- motion -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("joint", [0, 1])
+def test_a_joint_faster_than_its_limit_is_told(joint):
+    limit = (3.0, 5.0)[joint]
+    for rate, told in [(0.0, 0), (limit, 0), (-limit, 0), (limit * 1.001, 1), (-limit * 1.001, 1), (nan, 1), (inf, 1)]:
+        velocity = tuple(rate if i == joint else 0.0 for i in range(2))
+        findings = judge(velocity=velocity)
+        assert len(findings) == told, rate
+        for finding in findings:
+            assert (finding.cause, finding.level, finding.limit) == (Cause.SPEED, Level.WARN, limit)
+            assert f"joint_{joint + 1}" in finding.text
+
+
+def test_derived_rates_are_a_warning_and_no_rates_at_all_are_no_knowledge():
+    assert only(judge(degraded="why")) == Finding(
+        Cause.DEGRADED, Level.WARN, pytest.approx(nan, nan_ok=True), pytest.approx(nan, nan_ok=True), "", "why"
+    )
+    finding = only(judge(None, velocity=(nan, nan), degraded="why"))
+    assert (finding.cause, finding.level, finding.text) == (Cause.DEGRADED, Level.UNKNOWN, "why")
+
+
+# --- branch and assembly ----------------------------------------------------------------------------------------
+
+
+def test_a_branch_that_is_not_known_is_no_knowledge_beside_everything_else():
+    findings = judge(with_value(1, 0.05), branch="lost")
+    assert [(finding.cause, finding.level) for finding in findings] == [
+        (Cause.BRANCH, Level.UNKNOWN),
+        (Cause.TYPE2 | Cause.BRAKING, Level.STOP),
+    ]
+
+
+@pytest.mark.parametrize("status", [Status.UNREACHABLE, Status.SINGULAR, Status.INVALID])
+@pytest.mark.parametrize("gap", [-0.02, 0.0, nan])
+def test_joints_to_which_no_pose_belongs_are_no_knowledge_whatever_else_is_said(status, gap):
+    at = AT._replace(status=status, gaps=(gap, nan))
+    finding = only(judge(GOOD, at=at))  # even with an outlook that promises everything
+    assert (finding.cause, finding.level) == (Cause.NOT_ASSEMBLED, Level.UNKNOWN)
+    assert [finding.cause for finding in judge(None, at=at, branch="lost")] == [Cause.NOT_ASSEMBLED, Cause.BRANCH]
+
+
+# --- reactions --------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("word", "level"), [("off", None), ("warn", Level.WARN), ("stop", Level.STOP)])
+def test_a_leg_force_is_graded_as_its_word_says(word, level):
+    table = [(0.0, 0), (100.0, 0), (-100.0, 0), (100.1, 1), (-100.1, 1), (inf, 1), (nan, 1)]
+    for force, found in table:
+        findings = judge(reaction=(0.0, force), reaction_check=word)
+        assert [finding.level for finding in findings] == ([level] * found if level is not None else []), force
+        assert all(finding.cause == Cause.REACTION and "leg 2" in finding.text for finding in findings)
+
+
+def test_near_type_1_a_force_that_cannot_be_observed_is_left_to_the_type_1_margin():
+    """Dividing by a sine of less than 0.1 tells nothing: the force is NaN by design there, and not for lack of data."""
+    for sine, found in [(0.9 * OBSERVABLE, 0), (OBSERVABLE, 1), (nan, 1)]:
+        findings = judge(reaction=(0.0, nan), at=AT._replace(sines=(0.9, sine)), reaction_check="stop")
+        assert len(findings) == found, sine
+
+
+# --- margins of a posture ---------------------------------------------------------------------------------------
+
+
+def test_the_worst_leg_counts_and_what_a_robot_does_not_have_cannot_fall():
+    at = AT._replace(sines=(-0.2, 0.7), cos_pressure=(0.6, 0.5), constraint=nan, limb=())
+    assert margins_of(at) == (0.2, 0.5, inf, inf)
+    assert margins_of(at._replace(constraint=0.3, limb=(0.8, 0.1))) == (0.2, 0.5, 0.3, 0.1)

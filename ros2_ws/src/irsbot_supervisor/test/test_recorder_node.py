@@ -1,0 +1,236 @@
+"""The recorder as a process, over real DDS: what it keeps, what it says of itself, and how it ends."""
+
+from __future__ import annotations
+
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("irsbot_msgs", reason="needs the built workspace")
+
+import rclpy
+from irsbot_msgs.msg import RecorderHealth as RecorderHealthMsg
+from irsbot_msgs.msg import Verdict as VerdictMsg
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rosbags.rosbag2 import Reader
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from irsbot_msgs_py.cdr import encode_joint_state, encode_verdict
+from irsbot_msgs_py.convert import health_record
+from irsbot_msgs_py.health import RecorderHealth, RecorderState
+from irsbot_msgs_py.records import Cause, JointSample, Level, Verdict
+from irsbot_supervisor.journal import configured, write_entry
+from irsbot_supervisor.settings_file import read_settings
+from irsbot_supervisor.suite import free_domain
+from irsbot_supervisor.tape import Tape
+
+pytestmark = [
+    pytest.mark.ros,
+    # rclpy reads .idl files with a version of lark that still imports this module
+    pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning"),
+]
+
+PATIENCE_S = 30.0
+MIB = 1024 * 1024
+LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class Scene:
+    """A recorder process, and what it records and says of itself."""
+
+    def __init__(self, folder: Path) -> None:
+        self.bag = folder / "bag"
+        self.health: list[RecorderHealth] = []
+        self._domain = free_domain()
+        self._context = rclpy.Context()
+        rclpy.init(context=self._context, domain_id=self._domain)
+        self.node = rclpy.create_node("scene", namespace="cell", context=self._context)
+        self.samples = self.node.create_publisher(JointState, "joint_states", 1000)
+        self.verdicts = self.node.create_publisher(VerdictMsg, "guard/verdict", LATCHED)
+        self.journal = self.node.create_publisher(String, "supervisor/journal", LATCHED)
+        self.node.create_subscription(
+            RecorderHealthMsg, "recorder/health", lambda m: self.health.append(health_record(m)), LATCHED
+        )
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self.node)
+        self._process: subprocess.Popen[str] | None = None
+
+    def start(self, *parameters: str, largest_file: int = resource.RLIM_INFINITY) -> None:
+        """Start the recorder in the namespace of the robot, its verdicts remapped."""
+        given = [part for parameter in (f"output:={self.bag}", *parameters) for part in ("-p", parameter)]
+        names = ["-r", "__ns:=/cell", "-r", "supervisor/verdict:=guard/verdict"]
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "irsbot_supervisor.nodes.recorder", "--ros-args", *names, *given],
+            env={**os.environ, "ROS_DOMAIN_ID": str(self._domain)},
+            stderr=subprocess.PIPE,
+            text=True,
+            preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (largest_file, largest_file)),
+        )
+
+    def until(self, happened: Callable[[], Any]) -> None:
+        """Serve callbacks until something has happened."""
+        end = time.monotonic() + PATIENCE_S
+        while not happened():
+            assert time.monotonic() < end, f"nothing happened; the recorder last said {self.health[-1:]}"
+            self._executor.spin_once(0.02)
+
+    def until_listening(self) -> None:
+        """Until the recorder is connected to everything that is published here."""
+        self.until(lambda: all(p.get_subscription_count() for p in (self.samples, self.verdicts, self.journal)))
+
+    def send(self, numbers: range, level: Level = Level.OK, event: int = 0) -> None:
+        """One sample per number, and with every tenth a verdict."""
+        for k in numbers:
+            sample = JointSample(k, 0, 0, ("joint_1", "joint_2"), (0.001 * k, 0.0))
+            self.samples.publish(encode_joint_state(sample))
+            if k % 10 == 0:
+                verdict = Verdict(k, level, Cause.NONE, False, event, (), "", k, "", 0, 1.0, ())
+                self.verdicts.publish(encode_verdict(verdict))
+            self._executor.spin_once(0.0005)
+
+    def end(self, number: signal.Signals | None = None) -> tuple[int, str]:
+        """Exit code and what was printed on stderr, after a signal or of its own accord."""
+        assert self._process is not None
+        if number is not None:
+            self._process.send_signal(number)
+        _, printed = self._process.communicate(timeout=PATIENCE_S)
+        return self._process.returncode, printed
+
+    def recorded(self) -> list[int]:
+        """The numbers of the recorded samples."""
+        with Tape(self.bag) as tape:
+            numbers = [entry.record.stamp_ns for entry in tape.records("joint_states")]  # type: ignore[union-attr]
+            assert not tape.loss
+        return numbers
+
+    def close(self) -> None:
+        if self._process is not None:
+            self._process.kill()
+            self._process.communicate()
+        self.node.destroy_node()
+        rclpy.shutdown(context=self._context)
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Iterator[Scene]:
+    scene = Scene(tmp_path)
+    yield scene
+    scene.close()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_everything_that_was_sent_is_in_the_bag_when_a_signal_closes_it(scene: Scene, number: signal.Signals):
+    settings, robot = read_settings("irsbot2", {})
+    line = write_entry(configured(settings, robot, 1, 2))
+    scene.journal.publish(String(data=line))  # before the recorder is there
+    scene.start()
+    scene.until_listening()
+    scene.send(range(500))
+    scene.until(lambda: scene.health and scene.health[-1].messages_written >= 500)
+    code, printed = scene.end(number)
+
+    assert code == 0
+    assert "Traceback" not in printed
+    assert scene.recorded() == list(range(500))
+    with Tape(scene.bag) as tape:
+        topics = {entry.topic for entry in tape.records()}
+        assert topics == {"/cell/joint_states", "/cell/guard/verdict", "/cell/supervisor/journal"}
+        assert [entry.record for entry in tape.records("journal")] == [line]
+        times = [entry.log_ns for entry in tape.records()]
+        assert times == sorted(times)
+        configuration = tape.configuration()
+        assert configuration is not None
+        assert configuration["settings"]["type2_stop"] == settings.type2_stop
+        hashes = [said.metadata["config_hash"] for reader in tape.readers for said in reader.metadata]
+        assert hashes == [settings.config_hash]
+    with Reader(scene.bag) as reader:
+        assert reader.message_count == 500 + 50 + 1
+    last = scene.health[-1]
+    assert (last.state, last.messages_dropped, last.file) == (RecorderState.RECORDING, 0, f"{scene.bag}/bag_0.mcap")
+    assert last.bytes_free > 0
+
+
+def test_the_black_box_keeps_what_surrounds_a_stop_and_nothing_else(scene: Scene):
+    scene.start("mode:=blackbox", "keep_s:=0.4", "after_s:=0.2")
+    scene.until_listening()
+    scene.send(range(1000), Level.OK)
+    scene.send(range(1000, 1010), Level.STOP, event=1)
+    scene.until(lambda: scene.health[-1].messages_written > 0)
+    stop = time.monotonic()
+    scene.until(lambda: time.monotonic() > stop + 0.4)  # the box closes
+    scene.send(range(2000, 2100), Level.STOP, event=1)
+    assert scene.end(signal.SIGINT)[0] == 0
+    numbers = scene.recorded()
+    assert numbers[0] > 0
+    assert numbers == list(range(numbers[0], 1010))
+    with Tape(scene.bag) as tape:
+        times = {entry.record.stamp_ns: entry.log_ns for entry in tape.records("joint_states")}  # type: ignore[union-attr]
+    before_s = (times[1000] - times[numbers[0]]) * 1e-9
+    assert 0.3 < before_s <= 0.4  # what was asked for, less the time between two samples
+
+
+def test_a_disk_that_fills_up_ends_the_recording_properly_and_says_so(scene: Scene):
+    free = os.statvfs(scene.bag.parent)
+    reserve_mib = free.f_bavail * free.f_frsize // MIB - 256
+    scene.start(f"reserve_mib:={reserve_mib}")
+    scene.until_listening()
+    scene.send(range(200))
+    scene.until(lambda: scene.health[-1].messages_written >= 200)
+    with (scene.bag.parent / "others").open("wb") as others:
+        os.posix_fallocate(others.fileno(), 0, 1024 * MIB)
+        scene.until(lambda: scene.health[-1].state == RecorderState.DISK_FULL)
+        code, printed = scene.end()
+    (scene.bag.parent / "others").unlink()
+    assert code == 1
+    assert "less than the reserve" in printed
+    assert "less than the reserve" in scene.health[-1].text
+    assert scene.recorded() == list(range(200))
+    with Reader(scene.bag) as reader:
+        assert reader.message_count == 220
+
+
+def test_a_write_that_fails_ends_the_recording_with_a_readable_bag(scene: Scene):
+    scene.start(largest_file=120_000)
+    scene.until_listening()
+    scene.send(range(1500))
+    scene.until(lambda: scene.health[-1].state == RecorderState.WRITE_ERROR)
+    code, printed = scene.end()
+    assert code == 1
+    assert "cannot write" in printed
+    numbers = scene.recorded()
+    assert 100 < len(numbers) < 1500
+    assert numbers == list(range(len(numbers)))
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        (["output:=/proc/bag", "reserve_mib:=0"], "cannot create '/proc/bag'"),  # where nobody may create anything
+        (["output:=/proc/bag"], "less than the reserve of 64 MiB"),
+        (["mode:=sometimes"], "'all' or 'blackbox', not 'sometimes'"),
+        (["flush_s:=10.0"], "flush_s"),
+    ],
+)
+def test_a_recorder_that_cannot_record_says_why_in_one_line(parameters: list[str], words: str):
+    given = [part for parameter in parameters for part in ("-p", parameter)]
+    done = subprocess.run(
+        [sys.executable, "-m", "irsbot_supervisor.nodes.recorder", "--ros-args", *given],
+        env={**os.environ, "ROS_DOMAIN_ID": str(free_domain())},
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert words in done.stderr

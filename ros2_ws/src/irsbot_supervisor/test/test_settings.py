@@ -1,0 +1,204 @@
+"""Settings are used whole or not at all: each refusal names the setting and what it is, and what it has to be."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, fields
+from math import inf, nan
+
+import pytest
+from supervised import settings_of
+
+import irsbot_kinematics as irs
+from irsbot_supervisor.core.settings import InvalidSettings, Settings, settings_from
+from irsbot_supervisor.settings_file import read_settings, read_values, robot_of, shipped_values
+
+NUMBERS = [entry for entry in fields(Settings) if "low" in entry.metadata]
+SINGLE = [entry for entry in NUMBERS if not entry.metadata.get("each_joint")]
+KINDS = ("type1", "type2", "constraint", "limb")
+
+
+def refused(robot: str = "irsbot2", **changes) -> str:
+    with pytest.raises(InvalidSettings) as caught:
+        settings_of(robot, **changes)
+    return str(caught.value)
+
+
+# --- single values ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("value", [nan, inf, -inf, 10**400, True, None, "0.1", [0.1], {}, -1e9])
+def test_what_is_no_number_or_out_of_range_is_refused_by_name(value):
+    said = refused(**{entry.name: value for entry in SINGLE})
+    faults = dict(fault.split(" is ", 1) for fault in said.split("; "))
+    for entry in SINGLE:
+        assert faults[entry.name].startswith((repr(value), repr((0.1,)))), entry.name
+
+
+@pytest.mark.parametrize("entry", SINGLE, ids=lambda entry: entry.name)
+def test_both_ends_of_a_range_belong_to_it_and_what_is_beyond_does_not(entry):
+    low, high = entry.metadata["low"], entry.metadata["high"]
+    assert low < entry.default < high or entry.default in (low, high)
+    for beyond in (low - 1e-9 - abs(low) * 1e-9, high * (1.0 + 1e-9)):
+        assert f"must be in {low:g}..{high:g}" in refused(**{entry.name: beyond})
+
+
+@pytest.mark.parametrize("name", ["velocity_limit", "deceleration_limit"])
+@pytest.mark.parametrize("value", [[], [1.0, 2.0, 3.0], [1.0, nan], [0.0, 1.0], [-1.0, 1.0], [1.0, "a"], None, 0.0, {}])
+def test_limits_of_joints_come_for_all_joints_and_are_positive(name, value):
+    assert name in refused(**{name: value})
+
+
+def test_one_limit_serves_for_all_joints():
+    assert settings_of(velocity_limit=3)[0].velocity_limit == (3.0, 3.0)
+    assert settings_of("orthoglide", velocity_limit=[3.0])[0].velocity_limit == (3.0, 3.0, 3.0)
+
+
+@pytest.mark.parametrize("name", [f"{kind}_{which}" for kind in KINDS for which in ("stop", "warn")])
+def test_no_margin_is_switched_off_by_a_zero(name):
+    """A floor of 0 means that nothing could be proved; with a limit of 0 it would be accepted."""
+    assert name in refused(**{name: 0.0})
+
+
+@pytest.mark.parametrize("word", ["", "Stop", "none", 0, True, ["off"]])
+def test_a_word_that_is_not_in_the_list_is_refused_with_the_list(word):
+    assert "off, warn, stop" in refused(reaction_check=word) or "one value" in refused(reaction_check=word)
+
+
+def test_the_bare_word_off_of_a_yaml_file_is_understood(tmp_path):
+    file = tmp_path / "mine.yaml"
+    file.write_text("reaction_check: off\n")
+    assert settings_of(**read_values(file))[0].reaction_check == "off"
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("joint_names", 5),
+        ("joint_names", ["joint_1"]),
+        ("joint_names", ["joint_1", "joint_1"]),
+        ("joint_names", ["joint_1", "joint_2", "joint_3"]),
+        ("joint_names", [["joint_1"], "joint_2"]),
+        ("joint_names", "joint_1"),
+        ("working_mode", [1]),
+        ("working_mode", [1, 0]),
+        ("working_mode", [1.5, -1]),
+        ("working_mode", "+-"),
+        ("assembly_mode", 2),
+        ("assembly_mode", "-1"),
+        ("assembly_mode", [-1]),
+    ],
+)
+def test_names_and_modes_that_do_not_fit_the_robot_are_refused(name, value):
+    assert name in refused(**{name: value})
+
+
+def test_an_unknown_setting_is_refused_with_the_known_ones():
+    said = refused(type1_limit=0.2)
+    assert "type1_limit" in said
+    assert "type1_stop" in said
+    with pytest.raises(InvalidSettings, match="unknown setting"):
+        settings_from({1: 2, "speed": 3}, robot_of("irsbot2"))
+
+
+# --- values together --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_warning_below_the_stop_is_refused_with_both_numbers(kind):
+    said = refused(**{f"{kind}_warn": 0.11, f"{kind}_stop": 0.12})
+    assert f"{kind}_warn (0.11)" in said
+    assert f"{kind}_stop (0.12)" in said
+    same = settings_of(**{f"{kind}_warn": 0.12, f"{kind}_stop": 0.12})[0]
+    assert getattr(same, f"{kind}_warn") == 0.12
+
+
+def test_a_heartbeat_slower_than_the_limit_of_staleness_is_refused_with_both_numbers():
+    said = refused(heartbeat_s=0.02, stale_s=0.01)
+    assert "heartbeat_s (0.02)" in said
+    assert "stale_s (0.01)" in said
+
+
+def test_every_fault_is_named_at_once():
+    said = refused(type1_warn=-1.0, latency_s=nan, velocity_limit=[])
+    assert all(name in said for name in ("type1_warn", "latency_s", "velocity_limit"))
+
+
+# --- whole ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("robot", irs.robots())
+def test_a_robot_is_supervised_in_its_usual_modes_and_by_its_own_joint_names(robot):
+    settings, machine = settings_of(robot)
+    mechanism = machine.mechanism
+    assert settings.working_mode == mechanism.usual_working_mode
+    assert settings.assembly_mode == mechanism.usual_assembly_mode
+    assert settings.joint_names == tuple(joint.name for joint in mechanism.joints)
+    assert len(settings.velocity_limit) == len(mechanism.joints)
+
+
+def test_settings_survive_being_written_down():
+    settings, robot = settings_of(type1_warn=0.3, velocity_limit=[3, 4])
+    assert settings_from(asdict(settings), robot) == settings
+
+
+def test_equal_settings_have_equal_hashes_and_each_change_another():
+    settings, robot = settings_of()
+    assert settings_of(velocity_limit=[12, 12])[0].config_hash == settings.config_hash  # 12 is 12.0
+    hashes = {settings.config_hash}
+    for entry in SINGLE:
+        low, high = entry.metadata["low"], entry.metadata["high"]
+        value = 0.5 * (getattr(settings, entry.name) + (high if entry.name.endswith(("warn", "stale_s")) else low))
+        hashes.add(settings_from({**asdict(settings), entry.name: value}, robot).config_hash)
+    assert len(hashes) == 1 + len([entry for entry in SINGLE if entry.default != entry.metadata["low"]])
+
+
+def test_what_is_declared_says_what_it_is():
+    for entry in fields(Settings):
+        assert entry.metadata["text"], entry.name
+        assert "unit" in entry.metadata, entry.name
+
+
+# --- files ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("robot", [name for name in irs.robots() if shipped_values(robot_of(name))])
+def test_shipped_settings_are_valid_and_their_numbers_are_floats(robot):
+    """ROS refuses an integer where a parameter is a double."""
+    values = shipped_values(robot_of(robot))
+    for name, value in values.items():
+        if name in {entry.name for entry in NUMBERS}:
+            each = value if isinstance(value, list) else [value]
+            assert all(isinstance(number, float) for number in each), name
+    settings, _machine = read_settings(robot)
+    assert min(settings.deceleration_limit) > 0.0
+
+
+def test_changes_replace_shipped_numbers_and_the_rest_stays():
+    settings, _robot = read_settings("irsbot2_beta45", {"type2_warn": 0.4})
+    assert settings.type2_warn == 0.4
+    assert settings.constraint_stop == read_settings("irsbot2_beta45")[0].constraint_stop
+    assert settings.robot == "irsbot2_beta45"
+
+
+def test_a_robot_from_a_file_gets_the_settings_of_its_topology(tmp_path):
+    file = tmp_path / "mine.yaml"
+    file.write_text("mechanism: five_bar\ngeometry: {l1: 0.3, l2: 0.5, b: 0.1}\n")
+    settings, robot = read_settings(str(file))
+    assert robot.mechanism.kind == "five_bar"
+    assert settings.velocity_limit == read_settings("five_bar")[0].velocity_limit
+
+
+@pytest.mark.parametrize("text", ["", "- 1\n", "5\n", "a: [1\n", "a: 2001-99-99\n", "a: 0.3\n\tb: 0.1\n", "\x00"])
+def test_a_file_that_is_no_mapping_is_refused_by_its_name(text, tmp_path):
+    file = tmp_path / "bad.yaml"
+    file.write_text(text)
+    with pytest.raises(InvalidSettings, match=r"bad\.yaml"):
+        read_values(file)
+
+
+def test_a_file_that_is_missing_or_no_text_is_refused_by_its_name(tmp_path):
+    with pytest.raises(InvalidSettings, match=r"none\.yaml"):
+        read_values(tmp_path / "none.yaml")
+    (tmp_path / "bytes.yaml").write_bytes(b"\xff\xfe\x00\x80")
+    with pytest.raises(InvalidSettings, match=r"bytes\.yaml"):
+        read_values(tmp_path / "bytes.yaml")
