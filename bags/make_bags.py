@@ -1,0 +1,77 @@
+"""Makes the bags of this folder again: simulated runs in simulated time, the same every time.
+
+    ./irsbot python bags/make_bags.py [NAME ...]
+
+Run by hand when the recorded format or a scenario changes; the tests only replay. The stories in expected.json are
+written by people and never touched here.
+"""
+
+from __future__ import annotations
+
+import argparse
+import shutil
+import sys
+from pathlib import Path
+from typing import NamedTuple
+
+from irsbot_supervisor.closed_loop import cycles, record
+from irsbot_supervisor.settings_file import read_settings, shipped_values
+from irsbot_supervisor.sim.simulation import simulation_from
+
+HERE = Path(__file__).parent
+
+RATE_HZ = 500.0
+"""Half of the usual rate keeps every bag below 1 MB."""
+
+
+class Run(NamedTuple):
+    """One bag: what the robot does, for how long, and what goes wrong on the way."""
+
+    robot: str
+    scenario: str
+    seconds: float
+    faults: str = ""
+    obey: bool = True
+
+
+RUNS = {
+    "pick_and_place": Run("irsbot2", "pick_and_place", 1.6),
+    "workspace_boundary": Run("irsbot2", "workspace_boundary", 1.2),
+    "type2": Run("irsbot2_beta45", "type2", 1.2),
+    "constraint": Run("irsbot2_csc", "constraint", 1.2),
+    "nan_positions": Run("irsbot2", "pick_and_place", 1.2, "nan:count=10,at=0.6"),
+    "drop_out": Run("irsbot2", "pick_and_place", 1.4, "drop:count=100,at=0.6"),
+}
+
+
+def main() -> int:
+    """Make the named bags, or all."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(RUNS)}; all if left out")
+    names = parser.parse_args().names or list(RUNS)
+    if unknown := set(names) - set(RUNS):
+        parser.error(f"no bag '{min(unknown)}'; there are {', '.join(RUNS)}")
+    for name in names:
+        make(name, RUNS[name])
+    return 0
+
+
+def make(name: str, run: Run) -> None:
+    """Replace the recorded files of one bag; its story stays."""
+    settings, robot = read_settings(run.robot)
+    shipped = shipped_values(robot)
+    values = {key: shipped[key] for key in ("velocity_limit", "deceleration_limit") if key in shipped}
+    values |= {"robot": run.robot, "scenario": run.scenario, "rate_hz": RATE_HZ, "obey": run.obey}
+    simulation = simulation_from({**values, "encoder_resolution": settings.encoder_resolution}, robot)
+    folder = HERE / name
+    story = (folder / "expected.json").read_text() if (folder / "expected.json").is_file() else None
+    shutil.rmtree(folder, ignore_errors=True)
+    record(cycles(simulation, robot, settings, run.faults or None), run.seconds, robot, settings, folder)
+    if story is not None:
+        (folder / "expected.json").write_text(story)
+    size = sum(file.stat().st_size for file in folder.iterdir())
+    print(f"{name}: {run.seconds} s of {run.scenario} with {run.robot}, {size / 1024:.0f} KiB")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
