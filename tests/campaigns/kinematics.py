@@ -1,0 +1,302 @@
+"""Kinematics and margins of the IRSBot-2 on a large scale, against the robot in space (oracles/irsbot2_3d.py).
+
+    python tests/campaigns/kinematics.py            # some minutes
+    python tests/campaigns/kinematics.py --quick    # seconds; also run by the tests
+
+round trip   random poses, every working mode: status against the annuli of both legs, pose against pose
+margins      random designs and postures: Type 1, Type 2 and constraint margins against points, axes, singular values
+loci         presets and random designs: margins along the curves of parallel singularities and at constraint points
+guarantees   random designs, postures and boxes of joints: no margin in a box is below what was promised for it
+clearances   random designs and postures: no point of a locus of the same working mode is nearer than the clearance
+
+Exit code 1 if anything exceeds its limit.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+PACKAGE = Path(__file__).parents[2] / "ros2_ws/src/irsbot_kinematics"
+sys.path[:0] = [str(PACKAGE), str(PACKAGE / "test/oracles")]
+
+import irsbot2_3d as space  # noqa: E402
+import singular_points as loci  # noqa: E402
+
+import irsbot_kinematics as irs  # noqa: E402
+from irsbot_kinematics.arithmetic import ARRAYS  # noqa: E402
+from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2, Irsbot2Geometry  # noqa: E402
+
+Array = NDArray[np.float64]
+Tick = Callable[[int], None]
+
+LIMIT = 1e-9
+"""m, or 1 for margins: the largest error that passes."""
+BOUNDARY_M = 1e-6
+"""m: poses nearer than this to a singularity are classified, but their error does not count."""
+PRESETS = ("irsbot2", "irsbot2_beta45", "irsbot2_csc", "irsbot2_strict")
+
+
+@dataclass
+class Result:
+    """What one part found."""
+
+    name: str
+    cases: int = 0
+    worst: float = 0.0
+    """Largest error, m or 1."""
+    wrong: int = 0
+    """Cases classified differently, or promises broken."""
+
+    @property
+    def passed(self) -> bool:
+        return self.cases > 0 and self.wrong == 0 and self.worst < LIMIT
+
+    def count(self, cases: int, errors: Array, wrong: Array) -> None:
+        self.cases += cases
+        self.worst = max(self.worst, float(np.max(errors, initial=0.0)))
+        self.wrong += int(np.sum(wrong)) + int(np.sum(np.isnan(errors)))
+
+
+def design_of(robot: irs.Robot) -> space.Design:
+    g = robot.mechanism.geometry
+    return space.Design(g.l1, g.l2eq, g.b, g.p, g.a1, g.a2, g.beta, g.e)
+
+
+def random_design(rng: np.random.Generator) -> tuple[irs.Robot, space.Design]:
+    """Any proportions that can be assembled; l2eq on both sides of D, b0 of both signs."""
+    while True:
+        a1, p, l1, l2eq, b = np.exp(rng.uniform(np.log(0.03), np.log(1.0), 5)).tolist()
+        a2, beta, e = a1 * rng.uniform(0.05, 0.95), rng.uniform(0.05, 1.5), rng.uniform(-0.3, 0.3)
+        d = space.Design(l1, l2eq, b, p, a1, a2, beta, e)
+        if 1e-3 < abs(d.b0) < 0.95 * (l1 + l2eq):
+            return irs.Robot(Irsbot2(Irsbot2Geometry(*d))), d
+
+
+# --- round trip ---
+
+
+def round_trip(poses: int, seed: int, tick: Tick) -> Result:
+    """At least `poses` reachable poses, and unreachable ones among them, in every working mode."""
+    result, rng = Result("round trip"), np.random.default_rng(seed)
+    for preset in PRESETS:
+        robot = irs.make_robot(preset)
+        d, left = design_of(robot), poses // len(PRESETS)
+        farthest = abs(d.b0) + d.l1 + d.l2eq
+        while left > 0:
+            x, z = rng.uniform(-farthest, farthest, (2, min(2 * left + 100, 200_000))) - [[0.0], [d.e]]
+            reached = _round_trip(robot, x, z, result)
+            left -= reached
+            tick(reached)
+    return result
+
+
+def _round_trip(robot: irs.Robot, x: Array, z: Array, result: Result) -> int:
+    d = design_of(robot)
+    far = [np.hypot(x + sign * d.b0, z + d.e) for sign in space.SIGMA]
+    reach = np.min([np.minimum(d.l1 + d.l2eq - r, r - abs(d.l1 - d.l2eq)) for r in far], axis=0)
+    for mode in robot.mechanism.working_modes:
+        q, status, said = robot.inverse_many(np.stack([x, z], axis=1), mode)
+        expected = np.where(reach >= 0.0, irs.Status.SOLVED, irs.Status.UNREACHABLE)
+        clear = np.abs(reach) > 1e-8  # the library accepts a nanometre outside
+        on = status == irs.Status.SOLVED
+        result.count(int(on.sum()), np.abs(said - reach), clear & (status != expected))
+        _there_and_back(robot, d, q[on], np.stack([x, z], axis=1)[on], reach[on], mode, result)
+    return int(np.sum(reach > 0.0))
+
+
+def _there_and_back(
+    robot: irs.Robot, d: space.Design, q: Array, P: Array, reach: Array, mode: tuple[int, ...], result: Result
+) -> None:
+    """Elbows from the joints alone; their distance and the side of P say which gap is near and which assembly it is."""
+    C = [
+        -sign * d.b0 + d.l1 * np.cos(q[:, k]) + 1j * (-d.e - d.l1 * np.sin(q[:, k]))
+        for k, sign in enumerate(space.SIGMA)
+    ]
+    point = P[:, 0] + 1j * P[:, 1]
+    rods = [point - elbow for elbow in C]
+    closure = np.max([np.abs(np.abs(rod) - d.l2eq) for rod in rods], axis=0)
+    apart = np.abs(C[1] - C[0])
+    inside = (reach > BOUNDARY_M) & (apart > BOUNDARY_M) & (2.0 * d.l2eq - apart > BOUNDARY_M)
+    side = np.imag(rods[1] * np.conj(rods[0]))  # l2eq^2 sin(psi_I - psi_II), with z up
+    for assembly in robot.mechanism.assembly_modes:
+        mine = inside & (np.sign(side) == assembly)
+        evs = robot.evaluate_many(q[mine], assembly)
+        error = np.hypot(*(evs.pose - P[mine]).T)
+        wrong = (evs.status != irs.Status.SOLVED) | (evs.working_mode != mode).any(axis=1)
+        result.count(0, np.maximum(error, closure[mine]), wrong)
+
+
+# --- margins ---
+
+
+def margins(designs: int, postures: int, seed: int, tick: Tick) -> Result:
+    result, rng = Result("margins"), np.random.default_rng(seed)
+    for _ in range(designs):
+        robot, d = random_design(rng)
+        for assembly, q in _assembled(d, postures, rng):
+            evs = robot.evaluate_many(q, assembly)
+            psi1, psi2, *_ = space.posture(d, q[:, 0], q[:, 1], assembly)
+            type1 = np.abs(np.sin(q - np.stack([psi1, psi2], axis=1))).T
+            type2 = np.abs(np.sin(psi1 - psi2))
+            errors = [*(evs.type1_margin.T - type1), evs.type2_margin - type2]
+            errors.append(evs.constraint_margin - space.kappa(d, psi1, psi2))
+            result.count(len(q), np.abs(errors).max(axis=0), evs.status != irs.Status.SOLVED)
+        tick(1)
+    return result
+
+
+def _assembled(d: space.Design, number: int, rng: np.random.Generator) -> Iterator[tuple[int, Array]]:
+    """Joints of `number` postures that exist and are a micrometre away from Type 2, by assembly mode."""
+    found: list[Array] = []
+    while sum(map(len, found)) < number:
+        q = rng.uniform(-np.pi, np.pi, (4 * number, 2))
+        with np.errstate(invalid="ignore"):
+            *_, apart = space.posture(d, q[:, 0], q[:, 1], 1)
+        found.append(q[(apart > BOUNDARY_M) & (2.0 * d.l2eq - apart > BOUNDARY_M)])
+    q = np.concatenate(found)[:number]
+    yield -1, q[: number // 2]
+    yield 1, q[number // 2 :]
+
+
+# --- loci ---
+
+
+def singular_loci(designs: int, points: int, seed: int, tick: Tick) -> Result:
+    result, rng = Result("loci"), np.random.default_rng(seed)
+    robots = [irs.make_robot(preset) for preset in PRESETS]
+    pairs = [(robot, design_of(robot)) for robot in robots] + [random_design(rng) for _ in range(designs)]
+    for robot, d in pairs:
+        for curve in (loci.parallel_rods(d, points), loci.rods_in_line(d, points)):
+            legs = robot.mechanism.legs(ARRAYS, tuple(curve.q.T), (curve.x, curve.z))
+            (ax, az), (bx, bz) = legs.screws
+            errors = np.abs([ax * bz - az * bx, *legs.closure]).max(axis=0) if len(curve.x) else np.empty(0)
+            result.count(len(curve.x), errors, np.empty(0))
+        for point in loci.constraint_points(d):
+            at = robot.mechanism.at(point.q, (point.x, point.z), 1, (0.0, 0.0))
+            result.count(1, np.array([at.constraint, at.residual]), np.empty(0))
+        tick(1)
+    return result
+
+
+# --- guarantees ---
+
+
+def guarantees(designs: int, postures: int, samples: int, seed: int, tick: Tick) -> Result:
+    """Corners and inner points of random boxes. `worst` stays 0: what counts is that no promise is broken."""
+    result, rng = Result("guarantees"), np.random.default_rng(seed)
+    for _ in range(designs):
+        robot, d = random_design(rng)
+        for assembly, q in _assembled(d, postures, rng):
+            for centre in q:
+                at = robot.mechanism.posture(tuple(centre.tolist()), assembly)
+                travel = 10.0 ** rng.uniform(-5.0, -0.5) * rng.uniform(0.0, 1.0, 2)
+                bound = robot.mechanism.guarantee(at, travel.tolist())
+                if bound.type2 > 0.0:
+                    result.count(samples, np.empty(0), _broken(d, centre, travel, assembly, bound, samples, rng))
+        tick(1)
+    return result
+
+
+def _broken(
+    d: space.Design,
+    centre: Array,
+    travel: Array,
+    assembly: int,
+    bound: irs.Guarantee,
+    samples: int,
+    rng: np.random.Generator,
+) -> NDArray[np.bool_]:
+    inner = rng.uniform(-1.0, 1.0, (samples, 2))
+    q = centre + travel * np.where(rng.uniform(size=(samples, 2)) < 0.5, np.sign(inner), inner)
+    with np.errstate(invalid="ignore"):
+        psi1, psi2, *_ = space.posture(d, q[:, 0], q[:, 1], assembly)
+    found = [np.abs(np.sin(q[:, 0] - psi1)), np.abs(np.sin(q[:, 1] - psi2)), np.abs(np.sin(psi1 - psi2))]
+    kept = [value >= floor - LIMIT for value, floor in zip(found, (*bound.type1, bound.type2), strict=True)]
+    if bound.constraint > 0.0:
+        kept.append(space.kappa(d, psi1, psi2) >= bound.constraint - LIMIT)
+    return ~np.all(kept, axis=0)
+
+
+# --- clearances ---
+
+
+def clearances(designs: int, postures: int, points: int, seed: int, tick: Tick) -> Result:
+    """`worst` is by how much a clearance exceeds the distance to a sampled point, at least that to the locus."""
+    result, rng = Result("clearances"), np.random.default_rng(seed)
+    for _ in range(designs):
+        robot, d = random_design(rng)
+        curves = loci.parallel_rods(d, points), loci.rods_in_line(d, points)
+        places = {mode: [np.empty((0, 2))] for mode in robot.mechanism.working_modes}
+        for curve in curves:
+            legs = robot.mechanism.legs(ARRAYS, tuple(curve.q.T), (curve.x, curve.z))
+            signs = np.sign(np.array(legs.sines)).T.astype(int)
+            for mode, found in places.items():
+                found.append(np.stack([curve.x, curve.z], axis=1)[(signs == mode).all(axis=1)])
+        for point in loci.constraint_points(d):
+            places.get(point.working_mode, []).append(np.array([[point.x, point.z]]))
+        near = {mode: np.concatenate(found) for mode, found in places.items()}
+        for assembly, q in _assembled(d, postures, rng):
+            for joints in q:
+                at = robot.mechanism.posture(tuple(joints.tolist()), assembly)
+                others = near.get(at.working_mode, np.empty((0, 2)))
+                distance = np.min(np.hypot(*(others - at.pose).T), initial=min(at.reach))
+                result.count(1, np.array([max(robot.mechanism.clearance(at) - distance, 0.0)]), np.empty(0))
+        tick(1)
+    return result
+
+
+def run(quick: bool, seed: int, progress: Progress | None = None) -> list[Result]:
+    """All parts; `quick` is a thousandth of the work."""
+    poses, designs, postures, points = (4_000, 40, 60, 200) if quick else (1_000_000, 2_000, 300, 4_000)
+    parts: list[tuple[str, int, Callable[[Tick], Result]]] = [
+        ("round trip", poses, lambda tick: round_trip(poses, seed, tick)),
+        ("margins", designs, lambda tick: margins(designs, postures, seed + 1, tick)),
+        ("loci", designs // 4 + len(PRESETS), lambda tick: singular_loci(designs // 4, points, seed + 2, tick)),
+        ("guarantees", designs // 4, lambda tick: guarantees(designs // 4, postures // 4, 60, seed + 3, tick)),
+        ("clearances", designs // 4, lambda tick: clearances(designs // 4, postures, points // 2, seed + 4, tick)),
+    ]
+    results = []
+    for name, total, part in parts:
+        task = progress.add_task(name, total=total) if progress else None
+
+        def tick(done: int, task: object = task) -> None:
+            if progress and task is not None:
+                progress.advance(task, done)  # type: ignore[arg-type]
+
+        results.append(part(tick))
+    return results
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="a short version")
+    parser.add_argument("--seed", type=int, default=1, help="other numbers, same statement")
+    options = parser.parse_args()
+    console = Console()
+    with Progress(console=console) as progress:
+        results = run(options.quick, options.seed, progress)
+    table = Table("part", "cases", "largest error", "wrong", "")
+    for result in results:
+        table.add_row(
+            result.name,
+            f"{result.cases:,}",
+            f"{result.worst:.2e}",
+            str(result.wrong),
+            "ok" if result.passed else "FAILED",
+        )
+    console.print(table)
+    return 0 if all(result.passed for result in results) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

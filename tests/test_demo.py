@@ -1,0 +1,239 @@
+"""The suite as a user runs it: separate processes over real DDS, one demo for all questions about it."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import psutil
+import pytest
+from mcap.reader import make_reader
+from rosbags.highlevel import AnyReader
+
+from irsbot_msgs_py.records import Level
+from irsbot_supervisor.core.intake import S
+from irsbot_supervisor.replay import judge_again, read_recording
+from irsbot_supervisor.suite import JOINTS, RECORDER, SUPERVISOR, Node, Suite, free_domain
+from irsbot_supervisor.tape import Tape, TapeWriter
+from irsbot_supervisor.watch import Watch
+
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
+
+IRSBOT = [sys.executable, "-m", "irsbot_supervisor"]
+PATIENCE_S = 60.0
+"""s a test waits for an event on a busy machine."""
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """A demo that was stopped in time: its folder and what it printed."""
+    folder = tmp_path_factory.mktemp("demo") / "run"
+    command = [*IRSBOT, "demo", "--seconds", "2", "--out", str(folder)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return folder, done.stdout
+
+
+def test_the_robot_stops_before_its_margins_are_crossed(demo: tuple[Path, str]) -> None:
+    folder, _printed = demo
+    states = [state for state in read_recording(folder / "bag").states if state.type2_margin == state.type2_margin]
+    assert min(min(state.type1_margin) for state in states) >= 0.15  # the shipped stop limit
+    assert min(state.type2_margin for state in states) >= 0.15
+    assert states[-1].joint_velocity == (0.0, 0.0)
+    assert max(max(map(abs, state.joint_velocity)) for state in states) > 5.0  # it was fast before: the test bites
+
+
+def test_the_timeline_tells_time_level_cause_and_limit(demo: tuple[Path, str]) -> None:
+    _folder, printed = demo
+    for words in ("OK", "STOP", "Type 1 margin", "limit 0.1500", "limit crossed -> standstill", "replay"):
+        assert words in printed
+
+
+def test_the_picture_is_drawn(demo: tuple[Path, str]) -> None:
+    assert (demo[0] / "run.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_bag_opens_with_public_readers(demo: tuple[Path, str]) -> None:
+    bag = demo[0] / "bag"
+    with AnyReader([bag]) as reader:
+        counts = {connection.topic: connection.msgcount for connection in reader.connections}
+        state = next(c for c in reader.connections if c.topic == "/supervisor/state")
+        message = next(reader.messages([state]))
+        assert reader.deserialize(message[2], state.msgtype).robot == "irsbot2"
+    with next(bag.glob("*.mcap")).open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    assert summary.statistics is not None
+    assert summary.statistics.message_count == sum(counts.values())
+    assert counts["/joint_states"] > 2000
+
+
+def test_the_replay_agrees_and_two_replays_are_the_same(demo: tuple[Path, str]) -> None:
+    recording = read_recording(demo[0] / "bag")
+    first, second = judge_again(recording), judge_again(recording)
+    assert first == second
+    assert first.levels
+    done = subprocess.run([*IRSBOT, "replay", str(demo[0] / "bag")], capture_output=True, text=True, timeout=PATIENCE_S)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_an_altered_verdict_is_found_and_its_sample_named(demo: tuple[Path, str], tmp_path: Path) -> None:
+    altered, target = None, tmp_path / "altered.mcap"
+    with Tape(demo[0] / "bag") as tape, TapeWriter(target) as writer:
+        for entry in tape.records():
+            record = entry.record
+            if altered is None and getattr(record, "level", None) == Level.STOP and hasattr(record, "latched"):
+                altered = record = record._replace(level=Level.OK)
+            writer.add(entry.topic, record, entry.log_ns)
+    assert altered is not None
+    done = subprocess.run([*IRSBOT, "replay", str(target)], capture_output=True, text=True, timeout=PATIENCE_S)
+    assert done.returncode == 1
+    assert f"verdict {altered.sequence} at sample stamped {altered.stamp_ns / S:.6f}" in done.stderr
+
+
+def _working_demo(process: subprocess.Popen[str]) -> list[psutil.Process]:
+    """The nodes of a demo, once its supervisor has said OK."""
+    assert process.stdout is not None
+    for line in process.stdout:
+        if " OK " in line:
+            break
+    children = psutil.Process(process.pid).children(recursive=True)
+    assert len(children) >= 4, "the nodes are not up: the test proves nothing"
+    return children
+
+
+def test_interrupting_the_demo_leaves_no_process_and_a_readable_bag(tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+    with subprocess.Popen([*IRSBOT, "demo", "--out", str(folder)], stdout=subprocess.PIPE, text=True) as process:
+        try:
+            children = _working_demo(process)
+            process.send_signal(signal.SIGINT)
+            process.communicate(timeout=PATIENCE_S)
+        finally:
+            process.kill()
+    assert process.returncode == 1
+    assert not [child for child in children if child.is_running() and child.status() != psutil.STATUS_ZOMBIE]
+    assert read_recording(folder / "bag").samples
+
+
+def test_killing_the_demo_kills_its_nodes(tmp_path: Path) -> None:
+    command = [*IRSBOT, "demo", "--out", str(tmp_path / "run")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            children = _working_demo(process)
+        finally:
+            process.kill()
+    _gone, alive = psutil.wait_procs(children, timeout=PATIENCE_S)
+    assert not alive
+
+
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
+def test_the_robot_stops_when_its_supervisor_is_gone(tmp_path: Path, how: signal.Signals) -> None:
+    domain = free_domain()
+    with (
+        Suite(tmp_path / "logs", domain) as suite,
+        Watch(domain, lambda verdict: levels.append(verdict.level)) as watch,
+    ):
+        levels: list[Level] = []
+        suite.start(Node("recorder", RECORDER, {"output": str(tmp_path / "bag")}))
+        suite.start(Node("supervisor", SUPERVISOR, {}))
+        suite.start(Node("simulated_joints", JOINTS, {"scenario": "pick_and_place"}))
+        deadline = time.monotonic() + PATIENCE_S
+        while levels.count(Level.OK) < 100:  # a second of work
+            assert time.monotonic() < deadline, levels
+            watch.look(0.1)
+        os.kill(suite.processes["supervisor"].pid, how)
+        killed_ns = time.time_ns()
+        time_up = time.monotonic() + 1.0
+        while time.monotonic() < time_up:  # what the robot does in this second is the question
+            watch.look(0.1)
+        if how == signal.SIGSTOP:
+            os.kill(suite.processes["supervisor"].pid, signal.SIGKILL)
+    samples = read_recording(tmp_path / "bag").samples
+    moving = [sample.stamp_ns for sample in samples if any(sample.velocity)]
+    assert moving, "the robot never moved: the test proves nothing"
+    assert moving[0] < killed_ns
+    assert moving[-1] < killed_ns + 0.35 * S  # 0.1 s of silence, braking, and what a busy machine adds
+    assert samples[-1].stamp_ns > killed_ns + 0.5 * S
+
+
+def test_bad_use_is_refused_in_one_line(tmp_path: Path) -> None:
+    for arguments, words in (
+        (["demo", "--scenario", "nonsense"], "nonsense"),
+        (["demo", "--robot", "nonsense"], "nonsense"),
+        (["replay", str(tmp_path / "nothing")], "does not exist"),
+        (["ik", "irsbot2", "0.3", "x"], "'x'"),
+        (["ik", "irsbot2", "0.3"], "2 numbers"),
+        (["ik", "irsbot2", "nan", "0"], "finite"),
+        (["dk", "irsbot2", "0", "0", "--assembly", "7"], "assembly mode 7"),
+    ):
+        done = subprocess.run([*IRSBOT, *arguments], capture_output=True, text=True, timeout=PATIENCE_S, cwd=tmp_path)
+        assert done.returncode == 2, (arguments, done)
+        assert words in done.stderr, (arguments, done.stderr)
+        assert len(done.stderr.strip().splitlines()) == 1, done.stderr
+        assert "Traceback" not in done.stderr
+    assert not list(tmp_path.iterdir()), "a refused command left something behind"
+
+
+def test_inverse_kinematics_from_the_shell() -> None:
+    done = subprocess.run(
+        [*IRSBOT, "ik", "irsbot2", "0.3", "-0.75", "--json"], capture_output=True, text=True, timeout=60
+    )
+    found = {tuple(s["working_mode"]): s["joints"] for s in json.loads(done.stdout)["solutions"]}
+    assert found[1, -1] == pytest.approx([2.544003124, -0.190028776], abs=1e-9)  # the sheet's W1, printed digits
+    assert found[-1, 1] == pytest.approx([-0.196686461, 2.604320414], abs=1e-9)
+    assert found[1, 1] == pytest.approx([2.544003124, 2.604320414], abs=1e-9)
+    assert found[-1, -1] == pytest.approx([-0.196686461, -0.190028776], abs=1e-9)
+    done = subprocess.run([*IRSBOT, "ik", "irsbot2", "0", "-1.25"], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 1
+    assert "unreachable by 50.08 mm" in done.stderr
+
+
+BAGS = sorted(path.parent for path in (Path(__file__).parents[1] / "bags").glob("*/expected.json"))
+
+
+@pytest.mark.parametrize("bag", BAGS, ids=lambda bag: bag.name)
+def test_every_bag_tells_its_story_again(bag: Path, tmp_path: Path) -> None:
+    copy = shutil.copytree(bag, tmp_path / bag.name)
+    report = tmp_path / "report.xml"
+    done = subprocess.run(
+        [*IRSBOT, "replay", str(copy), "--junit", str(report)], capture_output=True, text=True, timeout=PATIENCE_S
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "expected story: same" in done.stdout
+    assert 'tests="3" failures="0"' in report.read_text()
+    assert sum(file.stat().st_size for file in bag.iterdir()) < 1_000_000
+
+
+def test_there_are_bags() -> None:
+    assert len(BAGS) >= 6
+
+
+def test_the_report_is_one_page_with_everything_in_it(tmp_path: Path) -> None:
+    bag = next(bag for bag in BAGS if bag.name == "type2")
+    page = tmp_path / "run.html"
+    command = [*IRSBOT, "report", str(bag), "-o", str(page)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
+    assert done.returncode == 0, done.stderr
+    text = page.read_text()
+    for words in ("data:image/png;base64,", "Type 2 margin", "BRAKING", "recorded verdicts: same", "type2_stop"):
+        assert words in text
+    assert "http" not in text, "the page must not need anything from elsewhere"
+
+
+def test_a_planned_motion_is_certified_or_its_first_violation_named(tmp_path: Path) -> None:
+    motion = tmp_path / "motion.csv"
+    motion.write_text("time_s,joint_1,joint_2\n0,3.14,0.0\n1,3.0,0.1\n")
+    command = [*IRSBOT, "check-trajectory", "irsbot2", str(motion)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
+    assert done.returncode == 0, done.stderr
+    motion.write_text("time_s,joint_1,joint_2\n0,3.14,0.0\n1,1.5,1.6\n")
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
+    assert done.returncode == 1
+    assert "limit" in done.stderr

@@ -1,0 +1,64 @@
+"""The documentation runs: its examples, its code blocks, the commands of the README, the files that it names."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from irsbot_kinematics import robots
+from irsbot_msgs_py.records import Cause
+
+ROOT = Path(__file__).parents[1]
+EXAMPLES = sorted((ROOT / "docs" / "examples").glob("*.py"))
+PAGES = [*sorted(ROOT.glob("docs/**/*.md")), ROOT / "README.md", ROOT / "bags" / "README.md"]
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
+def test_every_example_runs_and_its_assertions_hold(example: Path) -> None:
+    assert "assert " in example.read_text()
+    done = subprocess.run([sys.executable, str(example)], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
+def test_every_link_leads_to_a_file(page: Path) -> None:
+    links = re.findall(r"\]\(([^)#:]+)\)", page.read_text())
+    assert [link for link in links if not (page.parent / link).exists()] == []
+
+
+def test_the_python_block_of_the_readme_runs() -> None:
+    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+    assert blocks
+    for block in blocks:
+        done = subprocess.run([sys.executable, "-c", block], capture_output=True, text=True, timeout=60)
+        assert done.returncode == 0, done.stderr
+
+
+def test_every_command_of_the_readme_exists_and_has_help_with_an_example() -> None:
+    named = set(re.findall(r"\./irsbot ([a-z-]+)", (ROOT / "README.md").read_text())) - {"test", "python", "shell"}
+    assert {"demo", "ik", "replay"} <= named
+    for command in sorted(named):
+        done = subprocess.run(
+            [sys.executable, "-m", "irsbot_supervisor", command, "--help"], capture_output=True, text=True, timeout=60
+        )
+        assert done.returncode == 0, (command, done.stderr)
+        if command != "design":  # a group of commands, each with its own example
+            assert "Example:" in done.stdout, command
+
+
+def test_the_causes_of_the_verdicts_page_are_those_of_the_code() -> None:
+    page = (ROOT / "docs" / "verdicts.md").read_text()
+    table = page.split("## Causes")[1].split("## The braking outlook")[0]
+    said = set(re.findall(r"\b[A-Z][A-Z0-9_]{3,}\b", table)) - {"WARN", "STOP", "UNKNOWN"}
+    assert said == {cause.name for cause in Cause if cause}
+
+
+def test_the_readme_shows_robots_that_exist() -> None:
+    named = set(re.findall(r"robot:?=(\w+)", (ROOT / "README.md").read_text()))
+    assert named
+    assert named <= set(robots())
