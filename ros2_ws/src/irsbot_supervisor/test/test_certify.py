@@ -10,7 +10,8 @@ import pytest
 
 import irsbot_kinematics as irs
 from irsbot_msgs_py.records import Cause
-from irsbot_supervisor.core.certify import BadTrajectory, certify
+from irsbot_supervisor.core.certify import certify
+from irsbot_supervisor.core.motion import BadTrajectory
 from irsbot_supervisor.settings_file import read_settings
 
 SETTINGS, ROBOT = read_settings("irsbot2")

@@ -9,10 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from irsbot_supervisor.sim.command import commanded
-from irsbot_supervisor.sim.errors import BadPath
+from irsbot_supervisor.core.motion import BadTrajectory, JointLimits, JointPoint, commanded
 from irsbot_supervisor.sim.joints import Drives
-from irsbot_supervisor.sim.trajectory import Course, JointLimits, JointPoint, stand, swing
+from irsbot_supervisor.sim.trajectory import Course, stand, swing
 
 LIMITS = JointLimits((12.0, 12.0), (400.0, 400.0), (400.0, 250.0))
 PERIOD_S = 0.001
@@ -247,7 +246,7 @@ def test_a_command_does_not_move_joints_that_must_brake():
 )
 def test_a_command_that_is_no_motion_is_refused_and_changes_nothing(times, positions, velocities, reason):
     drives = running((1.0, 1.0))
-    with pytest.raises(BadPath, match=reason):
+    with pytest.raises(BadTrajectory, match=reason):
         drives.follow(times, positions, velocities)
     drives.step(PERIOD_S, 1.0)
     assert drives.now.velocity == (1.0, 1.0)
@@ -260,5 +259,5 @@ def test_joints_of_a_command_are_picked_by_name():
 
 @pytest.mark.parametrize("names", [["a"], ["a", "c"], ["a", "a"], ["a", "b", "c"], []])
 def test_a_command_that_does_not_name_every_joint_once_is_refused(names):
-    with pytest.raises(BadPath, match="the joints are a, b"):
+    with pytest.raises(BadTrajectory, match="the joints are a, b"):
         commanded(("a", "b"), names, [1.0], [[0.0] * len(names)], [[]])

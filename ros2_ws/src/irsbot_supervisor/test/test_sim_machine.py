@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from irsbot_kinematics import Robot, make_robot
+from irsbot_supervisor.core.motion import JointLimits, JointPath, JointPoint
 from irsbot_supervisor.sim.errors import BadSetting
 from irsbot_supervisor.sim.joints import Drives
 from irsbot_supervisor.sim.machine import STANDARD_GRAVITY, Encoder, Machine, Payload
 from irsbot_supervisor.sim.obedience import Obedience
 from irsbot_supervisor.sim.paths import RoundedPath
-from irsbot_supervisor.sim.trajectory import JointLimits, JointPath, JointPoint, stand, stroke
+from irsbot_supervisor.sim.trajectory import stand, stroke
 
 MASS_KG = 2.5
 LIMITS = JointLimits((12.0, 12.0), (400.0, 400.0), (400.0, 400.0))

@@ -10,6 +10,7 @@ import yaml
 
 from irsbot_kinematics import make_robot
 from irsbot_msgs_py.records import Cause, JointSample, Level
+from irsbot_supervisor.core.motion import JointLimits
 from irsbot_supervisor.core.pipeline import Supervisor
 from irsbot_supervisor.settings_file import read_settings
 from irsbot_supervisor.sim.errors import BadScenario, BadSetting
@@ -17,7 +18,6 @@ from irsbot_supervisor.sim.obedience import Obedience
 from irsbot_supervisor.sim.scenario_file import read_scenario, scenario_names, scenario_robots
 from irsbot_supervisor.sim.scenarios import plan
 from irsbot_supervisor.sim.simulation import Simulation, build, simulation_from
-from irsbot_supervisor.sim.trajectory import JointLimits
 
 MS = 1_000_000
 BEGIN_NS = 10**15

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from irsbot_kinematics import Robot, make_robot
-from irsbot_supervisor.sim.errors import BadPath, BadSetting
+from irsbot_supervisor.core.motion import BadTrajectory, JointLimits, JointPath
+from irsbot_supervisor.sim.errors import BadPath
 from irsbot_supervisor.sim.paths import RoundedPath, corners_of
-from irsbot_supervisor.sim.trajectory import Course, JointLimits, JointPath, nearest_turn, stand, stroke, swing
+from irsbot_supervisor.sim.trajectory import Course, nearest_turn, stand, stroke, swing
 
 LIMITS = JointLimits((12.0, 12.0), (400.0, 400.0), (400.0, 400.0))
 START = (-0.1525, -0.85)
@@ -168,13 +169,13 @@ def test_a_joint_path_passes_its_points_with_their_velocities():
     ("times", "rows"), [((0.0, 0.0), 2), ((0.1, 0.2), 2), ((0.0, float("nan")), 2), ((0.0, float("inf")), 2), ((), 0)]
 )
 def test_a_joint_path_needs_finite_increasing_times_from_0(times, rows):
-    with pytest.raises(BadPath):
+    with pytest.raises(BadTrajectory):
         JointPath(times, ((0.0,),) * rows, ((0.0,),) * rows)
 
 
 @pytest.mark.parametrize("bad", [0.0, -1.0, float("nan"), float("inf")])
 def test_limits_must_be_positive_and_finite(bad):
-    with pytest.raises(BadSetting):
+    with pytest.raises(BadTrajectory):
         JointLimits((1.0,), (bad,), (1.0,))
 
 

@@ -15,6 +15,7 @@ from rich.text import Text
 from irsbot_msgs_py.records import Cause, Level, Verdict
 from irsbot_supervisor.cli.common import Failed, existing, out
 from irsbot_supervisor.core.intake import S
+from irsbot_supervisor.core.motion import JointLimits
 from irsbot_supervisor.outcome import Outcome, outcome
 from irsbot_supervisor.replay import cause_names, read_recording
 from irsbot_supervisor.settings_file import read_settings, robot_of, shipped_values
@@ -22,7 +23,6 @@ from irsbot_supervisor.sim.scenario_file import read_scenario, scenario_names
 from irsbot_supervisor.sim.scenarios import Scenario
 from irsbot_supervisor.sim.scenarios import plan as plan_motion
 from irsbot_supervisor.sim.simulation import simulation_from
-from irsbot_supervisor.sim.trajectory import JointLimits
 from irsbot_supervisor.suite import JOINTS, KINEMATICS, RECORDER, SUPERVISOR, Node, Suite, free_domain
 
 START_DELAY_S = 1.0

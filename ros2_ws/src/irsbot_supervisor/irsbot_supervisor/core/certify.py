@@ -18,6 +18,7 @@ from irsbot_kinematics import Posture, Robot, Status
 from irsbot_kinematics.arithmetic import Array
 from irsbot_msgs_py.records import Cause, Floats
 from irsbot_supervisor.core.assess import Margins, margins_of
+from irsbot_supervisor.core.motion import BadTrajectory
 from irsbot_supervisor.core.outlook import floor_of, limits_of, position_error
 from irsbot_supervisor.core.policy import KINDS, WORDS
 from irsbot_supervisor.core.settings import Settings
@@ -27,10 +28,6 @@ STRETCH = 64
 
 CUTS = 24
 """How often one segment is halved at most: 2^-24 of it is far below what any controller resolves."""
-
-
-class BadTrajectory(ValueError):
-    """Points that are no motion of these joints."""
 
 
 class Violation(NamedTuple):

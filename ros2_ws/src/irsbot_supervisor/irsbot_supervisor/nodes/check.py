@@ -8,7 +8,8 @@ from irsbot_msgs.srv import CheckTrajectory
 
 from irsbot_kinematics import Robot
 from irsbot_msgs_py.stamps import NS_PER_S, nanoseconds
-from irsbot_supervisor.core.certify import BadTrajectory, Certificate, certify
+from irsbot_supervisor.core.certify import Certificate, certify
+from irsbot_supervisor.core.motion import BadTrajectory
 from irsbot_supervisor.core.policy import KINDS
 from irsbot_supervisor.core.settings import Settings
 

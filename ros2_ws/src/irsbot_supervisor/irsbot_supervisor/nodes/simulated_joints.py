@@ -22,10 +22,10 @@ from irsbot_msgs_py.cdr import CdrError, decode_verdict, encode_joint_state
 from irsbot_msgs_py.records import JointSample, Level
 from irsbot_msgs_py.shell import FAILED, run
 from irsbot_msgs_py.stamps import NS_PER_S, nanoseconds
+from irsbot_supervisor.core.motion import BadTrajectory, Command, commanded
 from irsbot_supervisor.nodes.pacing import Pacer, RosTime
 from irsbot_supervisor.nodes.simulation_parameters import declare_simulation
-from irsbot_supervisor.sim.command import Command, commanded
-from irsbot_supervisor.sim.errors import BadFault, BadPath, SimulationError
+from irsbot_supervisor.sim.errors import BadFault, SimulationError
 from irsbot_supervisor.sim.faults import FaultInjector, parse_faults
 from irsbot_supervisor.sim.obedience import Obedience
 from irsbot_supervisor.sim.simulation import build
@@ -99,7 +99,7 @@ class SimulatedJointsNode(Node):
     def _follow(self, command: Command) -> None:
         try:
             self._machine.drives.follow(*command)
-        except BadPath as error:
+        except BadTrajectory as error:
             self.get_logger().warning(f"command refused: {error}")
 
     # --- callbacks ---------------------------------------------------------------------------------------------
@@ -120,7 +120,7 @@ class SimulatedJointsNode(Node):
         names = self._simulation.joint_names
         try:
             self._commands.put(commanded(names, message.joint_names, times, positions, velocities))
-        except BadPath as error:
+        except BadTrajectory as error:
             self.get_logger().warning(f"command refused: {error}")
 
     def _check_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
@@ -142,7 +142,7 @@ class SimulatedJointsNode(Node):
 
 def main() -> None:
     """Entry point of `ros2 run irsbot_supervisor simulated_joints_node`."""
-    sys.exit(run(SimulatedJointsNode, usage_errors=(SimulationError, KinematicsError)))
+    sys.exit(run(SimulatedJointsNode, usage_errors=(SimulationError, BadTrajectory, KinematicsError)))
 
 
 if __name__ == "__main__":

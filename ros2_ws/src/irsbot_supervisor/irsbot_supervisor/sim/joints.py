@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from math import copysign, inf
 
 from irsbot_kinematics.mechanism import Floats
+from irsbot_supervisor.core.motion import BadTrajectory, JointLimits, JointPath, JointPoint, Motion
 
-from .errors import BadPath
-from .trajectory import JointLimits, JointPath, JointPoint, Motion, stand, swing
+from .trajectory import stand, swing
 
 HALVINGS = 8
 """How often a change of pace is halved, before it is given up for one step, to keep accelerations within limits."""
@@ -68,7 +68,7 @@ class Drives:
         """Leave the present motion for commanded points: straight on if that keeps the limits, else from standstill.
 
         times: s from now, increasing. velocities: may be empty; derived from the positions then. Without points the
-        joints stop and stay. Raises BadPath for points that are no motion of these joints.
+        joints stop and stay. Raises BadTrajectory for points that are no motion of these joints.
         """
         if not times:
             self._next = stand(self._halt())
@@ -176,13 +176,13 @@ def _way(times: Sequence[float], positions: Sequence[Floats], velocities: Sequen
     """Commanded points as a path that begins with the first of them."""
     rows = [*positions, *velocities]
     if len(positions) != len(times) or len(velocities) not in (0, len(times)) or any(len(row) != n for row in rows):
-        raise BadPath(f"every point needs {n} positions, and {n} velocities or none")
+        raise BadTrajectory(f"every point needs {n} positions, and {n} velocities or none")
     if not times[0] >= 0.0:
-        raise BadPath(f"the first point lies in the past: {times[0]!r} s")
+        raise BadTrajectory(f"the first point lies in the past: {times[0]!r} s")
     shifted = tuple(time - times[0] for time in times)
     rates = [tuple(row) for row in velocities] or _slopes(times, positions)
     if any(rates[-1]):
-        raise BadPath(f"the last point must be at rest, its velocities are {rates[-1]}")
+        raise BadTrajectory(f"the last point must be at rest, its velocities are {rates[-1]}")
     return JointPath(shifted, tuple(map(tuple, positions)), tuple(rates))
 
 

@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 from irsbot_kinematics import Mechanism, Status, statics
 from irsbot_kinematics.mechanism import Floats
+from irsbot_supervisor.core.motion import JointPoint
 
 from .errors import BadSetting
 from .joints import Drives
-from .trajectory import JointPoint
 
 STANDARD_GRAVITY = 9.80665
 """m/s2, ISO 80000-3."""

@@ -11,10 +11,11 @@ from irsbot_kinematics.arithmetic import FLOATS
 from irsbot_kinematics.mechanism import Floats, Signs
 from irsbot_kinematics.tolerances import REACH_TOL_M
 from irsbot_msgs_py.records import Cause
+from irsbot_supervisor.core.motion import JointLimits, JointPath, Motion
 
 from .errors import BadPath, BadScenario
 from .paths import RoundedPath, corners_of
-from .trajectory import Course, JointLimits, JointPath, Motion, nearest_turn, stand, stroke, swing
+from .trajectory import Course, nearest_turn, stand, stroke, swing
 
 CYCLE_TOL = 1e-9
 """rad or m: how far from its begin a cycle may end; far above the rounding of one cycle, invisible to any encoder."""

@@ -8,13 +8,13 @@ from math import isfinite
 from typing import Any
 
 from irsbot_kinematics import Robot
+from irsbot_supervisor.core.motion import JointLimits
 
 from .errors import BadSetting
 from .joints import Drives
 from .machine import Encoder, Machine, Payload
 from .scenario_file import read_scenario
 from .scenarios import Scenario, plan
-from .trajectory import JointLimits
 
 
 def _setting(default: Any, unit: str, text: str) -> Any:

@@ -8,11 +8,10 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property, lru_cache
-from itertools import accumulate, pairwise
-from math import inf, isfinite, sqrt, tau
-from typing import NamedTuple, Protocol
+from functools import lru_cache
+from itertools import accumulate
+from math import inf, tau
+from typing import Protocol
 
 import numpy as np
 
@@ -21,8 +20,9 @@ from irsbot_kinematics.arithmetic import Array
 from irsbot_kinematics.batch import inverse_many
 from irsbot_kinematics.mechanism import Floats, Signs
 from irsbot_kinematics.tolerances import REACH_TOL_M
+from irsbot_supervisor.core.motion import JointLimits, JointPath, JointPoint, Motion, excess_of, peaks_of
 
-from .errors import BadPath, BadSetting
+from .errors import BadPath
 from .paths import RoundedPath
 
 KNOTS = 257
@@ -30,106 +30,6 @@ KNOTS = 257
 
 RAMPS = (0.5, 0.4, 0.3, 0.2, 0.14, 0.1, 0.07, 0.05)
 """Shares of the time spent on speeding up, and as much on slowing down, that are tried; the fastest law is taken."""
-
-
-@dataclass(frozen=True)
-class JointLimits:
-    """What the drives can do, per joint: rad/s or m/s, rad/s2 or m/s2."""
-
-    velocity: Floats
-    acceleration: Floats
-    """Of planned motion, speeding up and slowing down."""
-    deceleration: Floats
-    """Of the brakes."""
-
-    def __post_init__(self) -> None:
-        if not len(self.velocity) == len(self.acceleration) == len(self.deceleration):
-            raise BadSetting(f"limits must have one entry per joint each, got {self}")
-        if not all(isfinite(limit) and limit > 0.0 for limit in self.velocity + self.acceleration + self.deceleration):
-            raise BadSetting(f"limits must be positive and finite, got {self}")
-
-
-class JointPoint(NamedTuple):
-    """Position, velocity and acceleration of the joints at one time; rad or m."""
-
-    position: Floats
-    velocity: Floats
-    acceleration: Floats
-
-
-class Motion(Protocol):
-    """Something the drives can follow."""
-
-    @property
-    def duration_s(self) -> float: ...
-    def at(self, time_s: float) -> JointPoint: ...
-
-
-@dataclass(frozen=True)
-class JointPath:
-    """Joint positions and velocities at increasing times, with cubics between them.
-
-    times: (N,) s, beginning with 0. positions: (N, n) rad or m. velocities: (N, n).
-    Before the first and after the last time the joints stand.
-    """
-
-    times: Floats
-    positions: tuple[Floats, ...]
-    velocities: tuple[Floats, ...]
-
-    def __post_init__(self) -> None:
-        if not len(self.times) == len(self.positions) == len(self.velocities) >= 1:
-            raise BadPath("a joint path needs as many positions and velocities as times, and at least one")
-        if not (self.times[0] == 0.0 and all(b > a for a, b in pairwise(self.times)) and isfinite(self.times[-1])):
-            raise BadPath("the times of a joint path must begin with 0 and increase")
-        if not np.isfinite(np.array(self.positions + self.velocities)).all():
-            raise BadPath("the positions and velocities of a joint path must be finite")
-
-    @property
-    def duration_s(self) -> float:
-        return self.times[-1]
-
-    def at(self, time_s: float) -> JointPoint:
-        """Where the joints are after `time_s`."""
-        times = self.times
-        if not 0.0 <= time_s < times[-1]:
-            rest = (0.0,) * len(self.positions[0])
-            return JointPoint(self.positions[0 if time_s < 0.0 else -1], rest, rest)
-        i = bisect_right(times, time_s) - 1
-        t = time_s - times[i]
-        position, velocity, acceleration = [], [], []
-        for q, v, a, jerk in self._cubics[i]:
-            change = t * jerk
-            position.append(q + t * (v + t * (0.5 * a + change / 6.0)))
-            velocity.append(v + t * (a + 0.5 * change))
-            acceleration.append(a + change)
-        return JointPoint(tuple(position), tuple(velocity), tuple(acceleration))
-
-    @cached_property
-    def _cubics(self) -> list[tuple[tuple[float, ...], ...]]:
-        """Position, velocity, acceleration and jerk of each joint at the begin of each interval."""
-        times, q, v = np.array(self.times), np.array(self.positions), np.array(self.velocities)
-        a, after = _accelerations(times, q, v)
-        jerk = (after - a) / np.diff(times)[:, None]
-        rows: list[tuple[tuple[float, ...], ...]] = np.stack((q[:-1], v[:-1], a, jerk), axis=-1).tolist()
-        return rows
-
-    @cached_property
-    def peaks(self) -> tuple[Floats, Floats]:
-        """Largest |velocity| and |acceleration| of each joint, exact for the cubics."""
-        return _peaks(np.array(self.times), np.array(self.positions), np.array(self.velocities))
-
-    def stretched(self, factor: float) -> JointPath:
-        """The same path, `factor` times as long in time."""
-        return JointPath(
-            tuple(t * factor for t in self.times),
-            self.positions,
-            tuple(tuple(v / factor for v in row) for row in self.velocities),
-        )
-
-    def excess(self, limits: JointLimits) -> float:
-        """Factor by which time has to be stretched to respect the limits; at most 1 where it does."""
-        return _excess(self.peaks, limits)
 
 
 class Course:
@@ -223,7 +123,7 @@ def _fastest(joints: _Sampler, limits: JointLimits, speed: float) -> JointPath:
     for ramp in RAMPS:
         positions = joints(_time_law(times, ramp))
         velocities = _spline_rates(positions)
-        excess = _excess(_peaks(times, positions, velocities), limits)
+        excess = excess_of(peaks_of(times, positions, velocities), limits)
         if excess < least:
             least, best = excess, (positions, velocities)
     positions, velocities = best
@@ -265,32 +165,3 @@ def _unwrapped(angles: Array, near: float) -> Array:
     turns: Array = np.unwrap(angles)
     turns += round((near - float(turns[0])) / tau) * tau
     return turns
-
-
-def _accelerations(times: Array, q: Array, v: Array) -> tuple[Array, Array]:
-    """Accelerations at the begin and the end of each interval's cubic."""
-    h = np.diff(times)[:, None]
-    mean = np.diff(q, axis=0) / h
-    return (6.0 * mean - 4.0 * v[:-1] - 2.0 * v[1:]) / h, (2.0 * v[:-1] + 4.0 * v[1:] - 6.0 * mean) / h
-
-
-def _peaks(times: Array, q: Array, v: Array) -> tuple[Floats, Floats]:
-    """Largest |velocity| and |acceleration| of each joint."""
-    a0, a1 = _accelerations(times, q, v)
-    # Inside an interval the velocity is extreme where the acceleration, linear in time, passes zero.
-    turns = a0 * a1 < 0.0
-    when = np.divide(a0, a0 - a1, out=np.zeros_like(a0), where=turns) * np.diff(times)[:, None]
-    inside = np.where(turns, v[:-1] + 0.5 * a0 * when, 0.0)
-    return _largest(v, inside), _largest(a0, a1)
-
-
-def _largest(*arrays: Array) -> Floats:
-    """Largest absolute value in each column of all arrays."""
-    each = np.max([np.abs(array).max(axis=0, initial=0.0) for array in arrays], axis=0)
-    return tuple(each.tolist())
-
-
-def _excess(peaks: tuple[Floats, Floats], limits: JointLimits) -> float:
-    by_velocity = max(peak / limit for peak, limit in zip(peaks[0], limits.velocity, strict=True))
-    by_acceleration = max(peak / limit for peak, limit in zip(peaks[1], limits.acceleration, strict=True))
-    return max(by_velocity, sqrt(by_acceleration))
