@@ -9,7 +9,7 @@ import typer
 from irsbot_kinematics import InvalidGeometry, KinematicsError, NotAssembled, Unreachable
 from irsbot_supervisor.cli import bags, bench, check, design, kinematics, map, replay, report, runs, settings
 from irsbot_supervisor.cli.common import NUMBERS, Failed, err
-from irsbot_supervisor.core.certify import BadTrajectory
+from irsbot_supervisor.core.motion import BadTrajectory
 from irsbot_supervisor.core.settings import InvalidSettings
 from irsbot_supervisor.mcap_writer import BagError
 from irsbot_supervisor.sim.errors import SimulationError
