@@ -50,7 +50,7 @@ def cycles(simulation: Simulation, robot: Robot, settings: Settings, faults: str
         parse_faults(scenario.faults if faults is None else faults), robot.mechanism, simulation.seed
     )
     supervisor = Supervisor(settings, robot)
-    obedience = Obedience(simulation.verdict_timeout_s)
+    obedience = Obedience(simulation.verdict_timeout_s, simulation.gated)
     period_ns = round(simulation.period_s * S)
     heartbeat_ns = round(settings.heartbeat_s * S)
     supervisor.step(Tick(BEGIN_NS, STEADY_NS))  # silence counts from the moment in which the settings come into force

@@ -19,6 +19,9 @@ CONTACT_TOL_M = 1e-6
 SOLVED = Status.SOLVED
 """Looking up a member of an enum takes as long as a sine, and every sample asks three times."""
 
+PROBE = 1e-4
+"""rad or m: step of the differences that give the slope of a margin; margins are smooth far beyond it."""
+
 Margins = tuple[float, float, float, float]
 """Type 1 (smallest over the legs), Type 2, constraint, limb (smallest): 0..1, infinite where there is none."""
 
@@ -90,3 +93,14 @@ def margins_of(at: Posture) -> Margins:
         constraint if constraint == constraint else inf,
         min(limb) if limb else inf,
     )
+
+
+def slopes(mechanism: Mechanism, at: Posture, assembly: int, kind: int) -> Floats:
+    """How a margin grows with each joint, 1/rad or 1/m; central differences, 0 taken for the margin of no posture."""
+
+    def margin(joint: int, step: float) -> float:
+        moved = tuple([q + step if j == joint else q for j, q in enumerate(at.joints)])
+        near = mechanism.posture(moved, assembly)
+        return margins_of(near)[kind] if near.status == SOLVED else 0.0
+
+    return tuple([(margin(j, PROBE) - margin(j, -PROBE)) / (2.0 * PROBE) for j in range(len(at.joints))])

@@ -61,13 +61,15 @@ def certify(
     positions: Sequence[Sequence[float]],
     velocities: Sequence[Sequence[float]] = (),
     assembly_mode: int = 0,
+    limits: Margins | None = None,
 ) -> Certificate:
     """Certify a motion. times_s: (N,) s, increasing. positions: (N, n) rad or m. velocities: (N, n) or empty.
 
-    assembly_mode: of the start; 0: the settings'. Raises BadTrajectory.
+    assembly_mode: of the start; 0: the settings'. limits: what the margins must keep; the stop limits if left out.
+    Raises BadTrajectory.
     """
     motion = _Motion(len(robot.mechanism.joints), times_s, positions, velocities)
-    return _Walk(robot, settings, motion, assembly_mode).walk()
+    return _Walk(robot, settings, motion, assembly_mode, limits or limits_of(settings, "stop")).walk()
 
 
 class _Motion:
@@ -134,14 +136,14 @@ class _Motion:
 class _Walk:
     """Goes along a motion, stretch by stretch."""
 
-    def __init__(self, robot: Robot, settings: Settings, motion: _Motion, assembly_mode: int) -> None:
+    def __init__(self, robot: Robot, settings: Settings, motion: _Motion, assembly_mode: int, limits: Margins) -> None:
         self._mechanism = robot.mechanism
         self._assembly = assembly_mode or settings.assembly_mode
         if self._assembly not in self._mechanism.assembly_modes:
             raise BadTrajectory(f"assembly mode {assembly_mode} is not one of {self._mechanism.assembly_modes}")
         self._working = settings.working_mode
         self._motion = motion
-        self._stop = limits_of(settings, "stop")
+        self._stop = limits
         self._error = position_error(settings)
         self._slack_m = settings.geometry_tolerance_m
         self._minima = [(inf, 0.0)] * len(KINDS)

@@ -149,6 +149,31 @@ def commanded(
     return Command(tuple(times), tuple(picked[0]), tuple(picked[1]))
 
 
+def path_through(
+    times: Sequence[float], positions: Sequence[Floats], velocities: Sequence[Floats], n: int
+) -> JointPath:
+    """Commanded points of n joints as a path that begins with the first of them. Raises BadTrajectory."""
+    rows = [*positions, *velocities]
+    if len(positions) != len(times) or len(velocities) not in (0, len(times)) or any(len(row) != n for row in rows):
+        raise BadTrajectory(f"every point needs {n} positions, and {n} velocities or none")
+    if not times[0] >= 0.0:
+        raise BadTrajectory(f"the first point lies in the past: {times[0]!r} s")
+    shifted = tuple(time - times[0] for time in times)
+    rates = [tuple(row) for row in velocities] or _slopes(times, positions)
+    if any(rates[-1]):
+        raise BadTrajectory(f"the last point must be at rest, its velocities are {rates[-1]}")
+    return JointPath(shifted, tuple(map(tuple, positions)), tuple(rates))
+
+
+def _slopes(times: Sequence[float], positions: Sequence[Floats]) -> list[Floats]:
+    """Velocities between the neighbours of each point; at rest at both ends."""
+    rates: list[Floats] = [(0.0,) * len(positions[0])] * len(times)
+    for i in range(1, len(times) - 1):
+        span = times[i + 1] - times[i - 1]
+        rates[i] = tuple((b - a) / span for a, b in zip(positions[i - 1], positions[i + 1], strict=True))
+    return rates
+
+
 def _accelerations(times: Array, q: Array, v: Array) -> tuple[Array, Array]:
     """Accelerations at the begin and the end of each interval's cubic."""
     h = np.diff(times)[:, None]

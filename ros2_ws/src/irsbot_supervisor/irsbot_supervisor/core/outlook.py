@@ -45,9 +45,10 @@ class Foresight:
         self._slack_m = settings.geometry_tolerance_m
         self._wanted = limits_of(settings, "warn")
 
-    def foresee(self, at: Posture, velocity: Floats, ahead_s: float) -> Outlook:
+    def foresee(self, at: Posture, velocity: Floats, ahead_s: float, wanted: Margins | None = None) -> Outlook:
         """Certified margins until standstill from a solved posture, if the joints go on as they are for `ahead_s` and
-        the latency, then brake. NaN velocities give floors of 0."""
+        the latency, then brake. NaN velocities give floors of 0. wanted: bounds that high are good enough, the
+        warning limits if left out; lower ones are made sharper."""
         latency, error = self._latency + ahead_s, self._error
         travel, reach, stop_s = [], [], 0.0
         for rate, brake in zip(velocity, self._brakes, strict=True):
@@ -63,9 +64,9 @@ class Foresight:
             return Outlook((0.0, 0.0, 0.0, 0.0), tuple(travel), inf)
         whole = self._mechanism.guarantee(at, reach, self._slack_m)
         floor = floor_of(whole)
-        wanted = self._wanted
+        wanted = wanted or self._wanted
         if not (floor[0] >= wanted[0] and floor[1] >= wanted[1] and floor[2] >= wanted[2] and floor[3] >= wanted[3]):
-            floor = self._cut(at.joints, velocity, latency, stop_s)
+            floor = self._cut(at.joints, velocity, latency, stop_s, wanted)
         return Outlook(floor, tuple(travel), stop_s)
 
     def position(self, joints: Floats, velocity: Floats, latency_s: float, time_s: float) -> Floats:
@@ -78,13 +79,13 @@ class Foresight:
             reached.append(q + v * (coasting + t) - (0.5 * a * t * t if v > 0.0 else -0.5 * a * t * t))
         return tuple(reached)
 
-    def _cut(self, joints: Floats, velocity: Floats, latency_s: float, stop_s: float) -> Margins:
+    def _cut(self, joints: Floats, velocity: Floats, latency_s: float, stop_s: float, wanted: Margins) -> Margins:
         """Bounds along the path in stretches; the stretch farthest below what is wanted is cut next."""
         stretches: list[Stretch] = []
 
         def add(start: float, end: float) -> None:
             first, last = (self.position(joints, velocity, latency_s, time_s) for time_s in (start, end))
-            lack, floor = self._bound(first, last)
+            lack, floor = self._bound(first, last, wanted)
             heappush(stretches, (lack, start, end, floor))
 
         add(0.0, stop_s)
@@ -104,15 +105,15 @@ class Foresight:
             min([f[3] for f in floors]),
         )
 
-    def _bound(self, first: Floats, last: Floats) -> tuple[float, Margins]:
-        """What the worst margin has above its limit, and all of them, wherever the joints are between two positions."""
+    def _bound(self, first: Floats, last: Floats, wanted: Margins) -> tuple[float, Margins]:
+        """What the worst margin has above what is wanted, and all of them, anywhere between two joint positions."""
         middle = tuple([0.5 * (a + b) for a, b in zip(first, last, strict=True)])
         at = self._mechanism.posture(middle, self._assembly)
         floor = (0.0, 0.0, 0.0, 0.0)
         if at.status == SOLVED:
             half = [0.5 * abs(b - a) + self._error for a, b in zip(first, last, strict=True)]
             floor = floor_of(self._mechanism.guarantee(at, half, self._slack_m))
-        return min([have - want for have, want in zip(floor, self._wanted, strict=True)]), floor
+        return min([have - want for have, want in zip(floor, wanted, strict=True)]), floor
 
 
 def floor_of(guarantee: Guarantee) -> Margins:

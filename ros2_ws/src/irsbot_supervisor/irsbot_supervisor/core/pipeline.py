@@ -9,7 +9,7 @@ from dataclasses import fields
 from math import inf, isfinite, nan, sqrt
 from typing import NamedTuple
 
-from irsbot_kinematics import Robot
+from irsbot_kinematics import Posture, Robot
 from irsbot_kinematics.requests import solve_direct
 from irsbot_msgs_py.records import (
     Cause,
@@ -23,17 +23,15 @@ from irsbot_msgs_py.records import (
     Tick,
     Verdict,
 )
-from irsbot_supervisor.core.assess import SOLVED, Assessment, Assessor, margins_of
+from irsbot_supervisor.core.assess import SOLVED, Assessment, Assessor, slopes
 from irsbot_supervisor.core.estimator import Estimate, Estimator
+from irsbot_supervisor.core.gate import View
 from irsbot_supervisor.core.intake import Intake, Rejected, S
 from irsbot_supervisor.core.latch import Judgement, Latch
 from irsbot_supervisor.core.outlook import Foresight, Outlook
 from irsbot_supervisor.core.policy import KINDS, Policy
 from irsbot_supervisor.core.report import Reporter
 from irsbot_supervisor.core.settings import InvalidSettings, Settings, settings_from
-
-PROBE = 1e-4
-"""rad or m: step of the differences that find the escape direction; margins are smooth far beyond it."""
 
 Event = JointSample | Tick | Reset | Configure
 
@@ -62,6 +60,7 @@ class Supervisor:
         self._verdicts = 0
         self._spoken_ns = 0
         self._good: Estimate | None = None
+        self._at: Posture | None = None  # where the last good sample was
         self._stale = False
         self._found: list[Finding] = []
         self._silence: list[Finding] = []
@@ -114,6 +113,13 @@ class Supervisor:
         good, slow = self._good, self.settings.standstill_speed
         return good is not None and not self._stale and all(-slow <= rate <= slow for rate in good.velocity)
 
+    @property
+    def view(self) -> View | None:
+        """What the command gate needs to know; None while the robot's state is not known."""
+        if self._good is None or self._at is None or self._latch.now.level == Level.UNKNOWN:
+            return None
+        return View(self._at, self._good.velocity, self._good.ahead_s, self._latch.now)
+
     def fail(self, seen_ns: int, text: str) -> Verdict:
         """The verdict after an error inside: UNKNOWN, whatever the samples said, until one is judged without error."""
         self._found = [Finding(Cause.INTERNAL, Level.UNKNOWN, nan, nan, "", text)]
@@ -160,7 +166,7 @@ class Supervisor:
             self._found = self._policy.judge(estimate, assessment, None, (), 0)
             self._hold(sample.seen_ns)
             return self._reporter.unsolved(estimate, self._samples, _causes(self._found))
-        self._good, self._stale, self._silence = estimate, False, []
+        self._good, self._at, self._stale, self._silence = estimate, at, False, []
         outlook = self._foresee(assessment, estimate)
         reaction = self._reporter.reaction(estimate, assessment)
         found = self._found = self._policy.judge(estimate, assessment, outlook, reaction, self._latch.now.causes)
@@ -218,18 +224,9 @@ class Supervisor:
         kind = next((i for i, bit in enumerate(KINDS) if cause & bit), -1)
         if kind < 0:
             return ()
-        q = assessment.at.joints
-        slope = []
-        for j in range(len(q)):
-            ahead, behind = (self._margin(q, j, step, kind) for step in (PROBE, -PROBE))
-            slope.append(ahead - behind)
+        slope = slopes(self.robot.mechanism, assessment.at, self.settings.assembly_mode, kind)
         size = sqrt(sum([s * s for s in slope]))
         return tuple([s / size for s in slope]) if 0.0 < size < inf else ()
-
-    def _margin(self, q: Floats, joint: int, step: float, kind: int) -> float:
-        moved = tuple([value + step if j == joint else value for j, value in enumerate(q)])
-        at = self.robot.mechanism.posture(moved, self.settings.assembly_mode)
-        return margins_of(at)[kind] if at.status == SOLVED else 0.0
 
     def _speak(self, seen_ns: int, changed: bool) -> Verdict | None:
         if not changed and seen_ns - self._spoken_ns < self._heartbeat_ns:
@@ -251,9 +248,18 @@ class Supervisor:
             self._verdicts,
             self._hash,
             now.since_ns,
-            now.speed_scale,
+            self._recovery_scale() if now.level == Level.STOP else now.speed_scale,
             now.findings,
         )
+
+    def _recovery_scale(self) -> float:
+        """After a STOP: 0 until the robot has become slow, then what the command gate may use to move it away."""
+        good, settings = self._good, self.settings
+        share, slow = settings.recovery_share, settings.standstill_speed
+        if good is None or self._stale:
+            return 0.0
+        pairs = zip(good.velocity, settings.velocity_limit, strict=True)
+        return share if all(abs(rate) <= share * most + slow for rate, most in pairs) else 0.0
 
 
 def _causes(findings: list[Finding]) -> int:

@@ -61,6 +61,8 @@ class Settings:
     velocity_limit: tuple[float, ...] = _each_joint("rad/s or m/s", "fastest motion of each joint", 1e-6, 1e4)
     deceleration_limit: tuple[float, ...] = _each_joint("rad/s2 or m/s2", "braking of each joint", 1e-6, 1e6)
     latency_s: float = _number(0.01, "s", "from the arrival of a sample to the first braking of the joints", 0.0, 1.0)
+    recovery_share: float = _number(0.05, "1", "share of the velocity limits for motion away from a stop", 1e-3, 0.5)
+    command_timeout_s: float = _number(0.1, "s", "a velocity command through the gate counts for so long", 1e-3, 1.0)
     stale_s: float = _number(0.05, "s", "a good sample older than this is no knowledge", 0.001, 10.0)
     heartbeat_s: float = _number(0.01, "s", "longest silence between verdicts", 0.001, 0.02)
     age_limit_s: float = _number(0.2, "s", "oldest acceptable stamp on arrival", 0.001, 10.0)

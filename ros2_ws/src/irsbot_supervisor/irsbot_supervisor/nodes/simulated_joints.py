@@ -15,6 +15,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
 from irsbot_kinematics import KinematicsError
@@ -45,14 +46,16 @@ class SimulatedJointsNode(Node):
         self.exit_code: int | None = None
         self._simulation, self._robot = declare_simulation(self)
         self._machine, scenario = build(self._simulation, self._robot)
-        self._obedience = Obedience(self._simulation.verdict_timeout_s)
+        self._obedience = Obedience(self._simulation.verdict_timeout_s, self._simulation.gated)
         text = "what goes wrong on the way to the consumer, e.g. nan:count=10,at=2.0; see docs/simulation.md"
         line = self.declare_parameter("fault", scenario.faults, ParameterDescriptor(description=text)).value
         self._injector = self._new_injector(line)
         self._commands: SimpleQueue[Command] = SimpleQueue()
+        self._rates: SimpleQueue[tuple[float, ...]] = SimpleQueue()
         self._outlets = [self.create_publisher(JointState, "joint_states", STREAM)]
         self.create_subscription(Verdict, "supervisor/verdict", self._on_verdict, LATCHED, raw=True)
         self.create_subscription(JointTrajectory, "joint_trajectory", self._on_trajectory, 10)
+        self.create_subscription(Float64MultiArray, "joint_velocity", self._on_velocity, 10)
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
         self.get_logger().info(f"{self._robot.name}: {scenario.name}, {scenario.description}")
@@ -69,7 +72,12 @@ class SimulatedJointsNode(Node):
     def _cycle(self, due_ns: int) -> None:
         while not self._commands.empty():
             self._follow(self._commands.get())
-        reading = self._machine.step(self._simulation.period_s, self._allowed(due_ns))
+        while not self._rates.empty():
+            self._jog(self._rates.get())
+        allowed = self._allowed(due_ns)
+        if self._simulation.gated and not allowed > 0.0:
+            self._machine.drives.follow((), (), ())  # what was commanded before a stop is forgotten
+        reading = self._machine.step(self._simulation.period_s, allowed)
         if time.monotonic_ns() - due_ns > TOO_LATE_NS:
             return
         stamp_ns = self._ros_time.of(due_ns)
@@ -102,6 +110,12 @@ class SimulatedJointsNode(Node):
         except BadTrajectory as error:
             self.get_logger().warning(f"command refused: {error}")
 
+    def _jog(self, rates: tuple[float, ...]) -> None:
+        try:
+            self._machine.drives.jog(rates, self._simulation.command_timeout_s)
+        except BadTrajectory as error:
+            self.get_logger().warning(f"command refused: {error}", throttle_duration_sec=1.0)
+
     # --- callbacks ---------------------------------------------------------------------------------------------
 
     def _on_verdict(self, data: bytes) -> None:
@@ -122,6 +136,9 @@ class SimulatedJointsNode(Node):
             self._commands.put(commanded(names, message.joint_names, times, positions, velocities))
         except BadTrajectory as error:
             self.get_logger().warning(f"command refused: {error}")
+
+    def _on_velocity(self, message: Float64MultiArray) -> None:
+        self._rates.put(tuple(message.data))
 
     def _check_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
         try:

@@ -23,6 +23,7 @@ from irsbot_supervisor.core.settings import InvalidSettings
 from irsbot_supervisor.journal import configured, write_entry
 from irsbot_supervisor.nodes.check import checked
 from irsbot_supervisor.nodes.diagnostics import DiagnosticsPublisher
+from irsbot_supervisor.nodes.gate import CommandGate
 from irsbot_supervisor.nodes.parameters import changed_settings, declare_settings
 
 STREAM = QoSProfile(depth=200, reliability=ReliabilityPolicy.RELIABLE)
@@ -59,12 +60,16 @@ class SupervisorNode(LifecycleNode):
         samples = self.create_subscription(JointState, "joint_states", self._on_sample, STREAM, raw=True)
         reset = self.create_service(ResetStop, "~/reset", self._on_reset)
         check = self.create_service(CheckTrajectory, "~/check_trajectory", self._on_check)
+        self._gate = CommandGate(self, self._settings, self._robot, self._supervisor, self._fail)
         heartbeat = self.create_timer(self._settings.heartbeat_s, self._on_tick)
         self._parts = [
             (self.destroy_subscription, samples),
             (self.destroy_service, reset),
             (self.destroy_service, check),
             (self.destroy_timer, heartbeat),
+            *((self.destroy_subscription, commands) for commands in self._gate.subscriptions),
+            (self.destroy_publisher, self._gate.trajectories),
+            (self.destroy_publisher, self._gate.velocities),
             (self.destroy_timer, self._diagnostics.timer),
             (self.destroy_publisher, self._states),
             (self.destroy_publisher, self._verdicts),
@@ -79,10 +84,16 @@ class SupervisorNode(LifecycleNode):
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Fall silent; a latched stop is not remembered, the next activation starts at UNKNOWN."""
+        self._gate.close()
         for destroy, part in self._parts:
             destroy(part)  # type: ignore[operator]
         self._parts, self._supervisor = [], None
         return super().on_deactivate(state)
+
+    def close(self) -> None:
+        """Called by the shell before the node is destroyed."""
+        if self._supervisor is not None:
+            self._gate.close()
 
     # --- callbacks ---------------------------------------------------------------------------------------------
 
@@ -95,7 +106,9 @@ class SupervisorNode(LifecycleNode):
         self._step(sample)
 
     def _on_tick(self) -> None:
-        self._step(Tick(*self._now()))
+        tick = Tick(*self._now())
+        self._step(tick)
+        self._gate.beat(tick.seen_ns)
 
     def _on_reset(self, request: ResetStop.Request, response: ResetStop.Response) -> ResetStop.Response:
         reset = Reset(*self._now(), request.event, request.operator_text, tuple(request.seed_pose))
@@ -131,9 +144,15 @@ class SupervisorNode(LifecycleNode):
                 self._diagnostics.watch(step.verdict, supervisor)
             return step
         except Exception as error:
-            self.get_logger().error(f"{type(error).__name__}: {error}", throttle_duration_sec=1.0)
-            self._verdicts.publish(encode_verdict(supervisor.fail(event.seen_ns, str(error))))
+            self._fail(error)
             return None
+
+    def _fail(self, error: Exception) -> None:
+        """An error in a callback: UNKNOWN, until a sample is judged without one."""
+        self.get_logger().error(f"{type(error).__name__}: {error}", throttle_duration_sec=1.0)
+        if self._supervisor is not None:
+            verdict = self._supervisor.fail(time.monotonic_ns(), f"{type(error).__name__}: {error}")
+            self._verdicts.publish(encode_verdict(verdict))
 
     # --- parameters --------------------------------------------------------------------------------------------
 
@@ -153,6 +172,7 @@ class SupervisorNode(LifecycleNode):
             change = configured(settings, self._robot, *self._now())
             self._note(change)
             self._step(change)
+            self._gate.configure(settings)
 
     def _note(self, event: Configure | Reset) -> None:
         self._journal.publish(String(data=write_entry(event)))

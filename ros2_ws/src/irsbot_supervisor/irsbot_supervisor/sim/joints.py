@@ -12,12 +12,15 @@ from collections.abc import Sequence
 from math import copysign, inf
 
 from irsbot_kinematics.mechanism import Floats
-from irsbot_supervisor.core.motion import BadTrajectory, JointLimits, JointPath, JointPoint, Motion
+from irsbot_supervisor.core.motion import BadTrajectory, JointLimits, JointPath, JointPoint, Motion, path_through
 
 from .trajectory import stand, swing
 
 HALVINGS = 8
 """How often a change of pace is halved, before it is given up for one step, to keep accelerations within limits."""
+
+ROOM = 1.0 + 1e-9
+"""1: a commanded rate at its limit may lie above it by rounding."""
 
 PACE_SHARE = 0.99
 """1: share of the acceleration limits up to which the pace may change. The two ends of a step are checked; between them
@@ -40,6 +43,7 @@ class Drives:
         self._detour: JointPath | None = None  # back to where the motion was left
         self._detour_s = 0.0
         self._next: JointPath | None = None  # a new motion that begins at standstill
+        self._jog: tuple[Floats, float] | None = None  # commanded rates, and until when
         self._time_s = 0.0
         self._ordered = self._allowed = 0.0
         self._orders: deque[tuple[float, float]] = deque()  # (when it takes effect, allowed), the oldest first
@@ -70,10 +74,11 @@ class Drives:
         times: s from now, increasing. velocities: may be empty; derived from the positions then. Without points the
         joints stop and stay. Raises BadTrajectory for points that are no motion of these joints.
         """
+        self._jog = None
         if not times:
             self._next = stand(self._halt())
             return
-        way = _way(times, positions, velocities, len(self.now.position))
+        way = path_through(times, positions, velocities, len(self.now.position))
         later = [i for i, time in enumerate(times) if time > 0.0]
         joined = JointPath(
             (0.0, *[times[i] for i in later]),
@@ -87,6 +92,15 @@ class Drives:
         else:
             self._next = way.stretched(max(way.excess(self.limits), 1.0))
 
+    def jog(self, rates: Floats, seconds: float) -> None:
+        """Leave the present motion and move at these rates until `seconds` have passed without another command; then
+        stop and stay. Rates are reached within the limits. Raises BadTrajectory."""
+        limits = self.limits.velocity
+        if len(rates) != len(limits) or not all(abs(v) <= ROOM * most for v, most in zip(rates, limits, strict=True)):
+            raise BadTrajectory(f"rates must be {len(limits)} numbers within {limits}, got {rates}")
+        self._jog = rates, self._time_s + seconds
+        self._next = None
+
     def _halt(self) -> Floats:
         """Where the joints stand if they brake now."""
         q, v, limits = self.now.position, self.now.velocity, self.limits.deceleration
@@ -94,6 +108,9 @@ class Drives:
 
     def _move(self, seconds: float) -> None:
         if not seconds > 0.0:
+            return
+        if self._jog is not None:
+            self._move_by_jog(seconds, *self._jog)
             return
         if self._next is not None and self.stands:
             self._motion, self._motion_s, self._next = self._next, 0.0, None
@@ -116,6 +133,26 @@ class Drives:
             position.append(q + t * (v - 0.5 * brake * t))
             velocity.append(v - brake * t if moving else 0.0)
             acceleration.append(-brake if moving else 0.0)
+        self.now = JointPoint(tuple(position), tuple(velocity), tuple(acceleration))
+
+    def _move_by_jog(self, seconds: float, rates: Floats, until_s: float) -> None:
+        """Each joint towards its commanded rate, with constant acceleration. Where it ends the joints stay."""
+        if not (self._allowed > 0.0 and self._time_s < until_s):
+            self._brake(seconds)
+            if self.stands:
+                self._jog, self._motion, self._motion_s = None, stand(self.now.position), 0.0
+                self._detour, self._astray = None, False
+            return
+        position, velocity, acceleration = [], [], []
+        limits = zip(self.now.position, self.now.velocity, rates, self.limits.acceleration, strict=True)
+        for q, v, rate, limit in limits:
+            change = rate - v
+            t = min(abs(change) / limit, seconds)
+            a = copysign(limit, change) if change else 0.0
+            reached = v + a * t
+            position.append(q + t * (v + 0.5 * a * t) + reached * (seconds - t))
+            velocity.append(reached)
+            acceleration.append(a if t == seconds else 0.0)
         self.now = JointPoint(tuple(position), tuple(velocity), tuple(acceleration))
 
     def _travel(self, seconds: float) -> None:
@@ -170,26 +207,3 @@ class Drives:
 
 def _within(values: Floats, limits: Floats) -> bool:
     return all(-limit <= value <= limit for value, limit in zip(values, limits, strict=True))
-
-
-def _way(times: Sequence[float], positions: Sequence[Floats], velocities: Sequence[Floats], n: int) -> JointPath:
-    """Commanded points as a path that begins with the first of them."""
-    rows = [*positions, *velocities]
-    if len(positions) != len(times) or len(velocities) not in (0, len(times)) or any(len(row) != n for row in rows):
-        raise BadTrajectory(f"every point needs {n} positions, and {n} velocities or none")
-    if not times[0] >= 0.0:
-        raise BadTrajectory(f"the first point lies in the past: {times[0]!r} s")
-    shifted = tuple(time - times[0] for time in times)
-    rates = [tuple(row) for row in velocities] or _slopes(times, positions)
-    if any(rates[-1]):
-        raise BadTrajectory(f"the last point must be at rest, its velocities are {rates[-1]}")
-    return JointPath(shifted, tuple(map(tuple, positions)), tuple(rates))
-
-
-def _slopes(times: Sequence[float], positions: Sequence[Floats]) -> list[Floats]:
-    """Velocities between the neighbours of each point; at rest at both ends."""
-    rates: list[Floats] = [(0.0,) * len(positions[0])] * len(times)
-    for i in range(1, len(times) - 1):
-        span = times[i + 1] - times[i - 1]
-        rates[i] = tuple((b - a) / span for a, b in zip(positions[i - 1], positions[i + 1], strict=True))
-    return rates

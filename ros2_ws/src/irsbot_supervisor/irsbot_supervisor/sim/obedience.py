@@ -10,17 +10,20 @@ from .errors import BadSetting
 class Obedience:
     """Turns heard verdicts into what the joints may do. Silence, STOP, UNKNOWN and nonsense mean brake."""
 
-    def __init__(self, timeout_s: float) -> None:
-        """timeout_s: a verdict counts for so long."""
+    def __init__(self, timeout_s: float, gated: bool = False) -> None:
+        """timeout_s: a verdict counts for so long. gated: commands come through the command gate, which bounds their
+        speed itself and lets a stopped robot out; a STOP with a speed scale above 0 then allows motion."""
         if not 0.0 < timeout_s < float("inf"):
             raise BadSetting(f"the verdict timeout must be positive and finite, got {timeout_s!r} s")
         self._timeout_ns = round(timeout_s * 1e9)
+        self._gated = gated
         self._heard: tuple[int, float] | None = None  # replaced whole: another thread may read it
 
     def hear(self, level: int, speed_scale: float, now_ns: int) -> None:
         """A verdict arrived; steady clock."""
-        allows = level in (Level.OK, Level.WARN) and 0.0 < speed_scale <= 1.0
-        self._heard = (now_ns, speed_scale if allows else 0.0)
+        moving = (Level.OK, Level.WARN, Level.STOP) if self._gated else (Level.OK, Level.WARN)
+        allows = level in moving and 0.0 < speed_scale <= 1.0
+        self._heard = (now_ns, (1.0 if self._gated else speed_scale) if allows else 0.0)
 
     def allowed(self, now_ns: int) -> float:
         """Share of full speed that is allowed now, 0..1; 0 means brake.

@@ -16,6 +16,9 @@ from .machine import Encoder, Machine, Payload
 from .scenario_file import read_scenario
 from .scenarios import Scenario, plan
 
+STANDING = "stand"
+"""The scenario that moves nothing."""
+
 
 def _setting(default: Any, unit: str, text: str) -> Any:
     return field(default=default, metadata={"unit": unit, "text": text})
@@ -39,6 +42,8 @@ class Simulation:
     rate_hz: float = _setting(1000.0, "Hz", "samples per second, 1..20000")
     latency_s: float = _setting(0.0, "s", "from a verdict's arrival to its effect on the drives")
     obey: bool = _setting(True, "", "brake on STOP, UNKNOWN and silence; false: the supervisor is ignored")
+    gated: bool = _setting(False, "", "commands come through the command gate, which also leads out of a STOP")
+    command_timeout_s: float = _setting(0.1, "s", "a commanded velocity counts for so long")
     verdict_timeout_s: float = _setting(0.1, "s", "silence of the supervisor that means stop")
     platform_mass_kg: float = _setting(1.0, "kg", "mass at the platform point, felt in the efforts")
     encoder_resolution: float = _setting(0.0, "rad or m", "step of the measured positions; 0: none")
@@ -68,7 +73,14 @@ def simulation_from(values: Mapping[str, Any], robot: Robot) -> Simulation:
     names = simulation.joint_names
     if len(names) != len(joints) or len(set(names)) != len(names):
         raise BadSetting(f"joint_names {list(names)} must be {len(joints)} different names")
-    for name, low, high in (("rate_hz", 1.0, 20000.0), ("speed", 0.0, 1.0), ("latency_s", 0.0, 10.0)):
+    if simulation.gated and simulation.scenario != STANDING:
+        raise BadSetting(f"gated joints move by command alone: the scenario must be {STANDING!r}")
+    for name, low, high in (
+        ("rate_hz", 1.0, 20000.0),
+        ("speed", 0.0, 1.0),
+        ("latency_s", 0.0, 10.0),
+        ("command_timeout_s", 1e-3, 10.0),
+    ):
         if not low <= getattr(simulation, name) <= high:
             raise BadSetting(f"{name} is {getattr(simulation, name)!r}, must be in {low:g}..{high:g}")
     if not (simulation.start_delay_s >= 0.0 and isfinite(simulation.start_delay_s)):

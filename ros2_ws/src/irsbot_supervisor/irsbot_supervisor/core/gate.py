@@ -1,0 +1,155 @@
+"""The command gate: a commanded motion in, the part of it that is allowed out.
+
+On approach a command is scaled so that the robot could always stand before the gate's limits, which lie a little above
+the stop limits: a robot commanded through the gate is not stopped, it comes to rest. What points inward is blocked,
+what goes along stays. After a STOP only motion away from what caused it passes, at recovery speed, and nothing that
+gives back what was gained. In doubt the answer is to hold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import inf, isfinite
+from typing import NamedTuple
+
+from irsbot_kinematics import Mechanism, Posture
+from irsbot_msgs_py.records import Floats, Level
+from irsbot_supervisor.core.assess import Margins, margins_of, slopes
+from irsbot_supervisor.core.latch import Judgement
+from irsbot_supervisor.core.outlook import Foresight, floor_of, limits_of, position_error
+from irsbot_supervisor.core.policy import KINDS, WORDS
+from irsbot_supervisor.core.settings import Settings
+
+RESERVE = 0.02
+"""1: share above the stop limits that a command keeps, so that the gate does not lead to the stop it is there to avoid:
+the drives lag behind what they are told, and the supervisor sees an instant more than the gate foresaw."""
+
+DIP = 0.002
+"""1: how far below the best margin since a stop a motion away may be bounded. Bounds over boxes of joints lie a little
+below the margins; cut eight times, the boxes of a slow path are finer than this."""
+
+HALVINGS = 5
+"""How finely the allowed speed is found: to 3 % of what was commanded."""
+
+
+class View(NamedTuple):
+    """What is known of the robot now."""
+
+    at: Posture
+    velocity: Floats  # rad/s or m/s
+    ahead_s: float  # age of the sample, and until the next can be expected
+    judgement: Judgement
+
+
+class Allowed(NamedTuple):
+    """What the joints may do. rates: rad/s or m/s. text: empty if all that was wanted, else what was taken away."""
+
+    rates: Floats
+    text: str
+
+
+class Gate:
+    """Passes velocity commands of one robot, as far as they are safe, and says what limits hold for longer motions."""
+
+    def __init__(self, settings: Settings, mechanism: Mechanism) -> None:
+        self._mechanism = mechanism
+        self._best: Margins = (-inf, -inf, -inf, -inf)  # since a stop, or since the gate's limit was crossed
+        self.configure(settings)
+
+    def configure(self, settings: Settings) -> None:
+        """New limits; how far a robot has come out of a stop stays known."""
+        self._foresight = Foresight(settings, self._mechanism)
+        self._assembly = settings.assembly_mode
+        self._speed = settings.velocity_limit
+        self._share = settings.recovery_share
+        self._lag_s = 2.0 * settings.heartbeat_s  # until the drives have followed, and the next command is out
+        self._keep = _raised(limits_of(settings, "stop"))
+        self._error = (position_error(settings),) * len(settings.velocity_limit)
+        self._slack_m = settings.geometry_tolerance_m
+
+    def velocity(self, wanted: Sequence[float], view: View | None) -> Allowed:
+        """The part of commanded joint velocities (rad/s or m/s, robot order) that is allowed until the next call."""
+        hold = (0.0,) * len(self._speed)
+        if len(wanted) != len(hold) or not all(map(isfinite, wanted)):
+            return Allowed(hold, f"held: {len(hold)} finite velocities are needed")
+        share = self.share(view)
+        if view is None or not share > 0.0:
+            return Allowed(hold, "held: the state of the robot does not allow motion")
+        limits = self.limits(view)
+        excess = max(abs(rate) / limit for rate, limit in zip(wanted, self._speed, strict=True)) / share
+        rates = tuple(rate / excess for rate in wanted) if excess > 1.0 else tuple(wanted)
+        text = f"scaled to {1.0 / excess:.3g}: speed limit" if excess > 1.0 else ""
+        kind = self._beyond(view, rates, limits)
+        if kind is None:
+            return Allowed(rates, text)
+        along, inward = self._split(view.at, rates, kind)
+        kept = self._largest(view, along, inward, limits)
+        if kept is None:
+            kept = self._largest(view, hold, along, limits)
+        word = WORDS[KINDS[kind]]
+        return Allowed(kept or hold, f"limited by the {word}" if kept and any(kept) else f"held: {word}")
+
+    def share(self, view: View | None) -> float:
+        """Share of the speed limits that a command may use now; 0 means hold."""
+        if view is None:
+            return 0.0
+        level = view.judgement.level
+        if level in (Level.OK, Level.WARN):
+            return view.judgement.speed_scale
+        return self._share if level == Level.STOP else 0.0
+
+    def limits(self, view: View) -> Margins:
+        """What the margins must keep along a motion from here: the gate's limits, or, on the way out, what was gained.
+
+        To be asked for every motion: the best margins since a stop are remembered here.
+        """
+        reach = self._mechanism.guarantee(view.at, self._error, self._slack_m)
+        stopped_by = view.judgement.causes if view.judgement.level == Level.STOP else 0
+        limits, best = [], []
+        for kind, now, last, keep in zip(KINDS, floor_of(reach), self._best, self._keep, strict=True):
+            caused = bool(stopped_by & kind)
+            gained = max(now, last) if caused or now < keep else -inf
+            best.append(gained)
+            limits.append(gained - DIP if caused else min(keep, gained - DIP) if gained > -inf else keep)
+        self._best = (best[0], best[1], best[2], best[3])
+        return limits[0], limits[1], limits[2], limits[3]
+
+    def _beyond(self, view: View, rates: Floats, limits: Margins) -> int | None:
+        """Which margin cannot be kept at these rates; None if all can."""
+        if not any(rates):
+            return None
+        # Judged as the supervisor will judge it; a way out, whose limits lie where the robot is, needs sharper bounds.
+        wanted = limits if view.judgement.level == Level.STOP else None
+        floor = self._foresight.foresee(view.at, rates, view.ahead_s + self._lag_s, wanted).floor
+        if all(have >= want for have, want in zip(floor, limits, strict=True)):
+            return None
+        now = margins_of(view.at)  # where nothing can be bounded, the nearest limit speaks
+        lack = [(have - want, have_now - want) for have, have_now, want in zip(floor, now, limits, strict=True)]
+        return lack.index(min(lack))
+
+    def _largest(self, view: View, base: Floats, more: Floats, limits: Margins) -> Floats | None:
+        """The largest part of `more` that is allowed beside `base`; None if not even `base` is."""
+        if self._beyond(view, base, limits) is not None:
+            return None
+        low, high = 0.0, 1.0
+        for _ in range(HALVINGS):
+            middle = 0.5 * (low + high)
+            rates = tuple(b + middle * m for b, m in zip(base, more, strict=True))
+            low, high = (middle, high) if self._beyond(view, rates, limits) is None else (low, middle)
+        return tuple(b + low * m for b, m in zip(base, more, strict=True))
+
+    def _split(self, at: Posture, rates: Floats, kind: int) -> tuple[Floats, Floats]:
+        """Rates along the level lines of a margin, and the part that makes it shrink. In units of the speed limits."""
+        speed = self._speed
+        slope = [s * limit for s, limit in zip(slopes(self._mechanism, at, self._assembly, kind), speed, strict=True)]
+        square = sum([s * s for s in slope])
+        towards = sum([s * rate / limit for s, rate, limit in zip(slope, rates, speed, strict=True)])
+        if not (square > 0.0 and towards < 0.0):
+            return (0.0,) * len(rates), rates  # nothing to split: all of it is scaled
+        inward = tuple(towards / square * s * limit for s, limit in zip(slope, speed, strict=True))
+        return tuple(rate - part for rate, part in zip(rates, inward, strict=True)), inward
+
+
+def _raised(stop: Margins) -> Margins:
+    type1, type2, constraint, limb = (min(limit * (1.0 + RESERVE), 0.5 * (1.0 + limit)) for limit in stop)
+    return type1, type2, constraint, limb

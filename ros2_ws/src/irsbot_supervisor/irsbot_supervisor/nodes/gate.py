@@ -1,0 +1,157 @@
+"""The command gate in ROS: commands in, allowed commands out. A shell around `core.gate` and `core.motion_gate`.
+
+Velocities are passed at once, and again with every heartbeat as long as they count. A trajectory may take a while to
+be certified; that happens in a thread of its own, so that samples and heartbeats go on.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from queue import SimpleQueue
+from threading import Thread
+from typing import Any
+
+from builtin_interfaces.msg import Duration
+from rclpy.lifecycle import LifecycleNode
+from std_msgs.msg import Float64MultiArray
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from irsbot_kinematics import Robot
+from irsbot_msgs_py.records import Level
+from irsbot_msgs_py.stamps import NS_PER_S, nanoseconds, sec_nanosec
+from irsbot_supervisor.core.gate import Gate, View
+from irsbot_supervisor.core.motion import BadTrajectory, Command, JointPath, commanded
+from irsbot_supervisor.core.motion_gate import MotionGate, Situation
+from irsbot_supervisor.core.pipeline import Supervisor
+from irsbot_supervisor.core.settings import Settings
+
+Fail = Callable[[Exception], None]
+
+DEPTH = 10
+"""Commands that may wait; only the newest counts."""
+
+
+class CommandGate:
+    """Listens to commands while the supervisor is active."""
+
+    def __init__(
+        self, node: LifecycleNode, settings: Settings, robot: Robot, supervisor: Supervisor, fail: Fail
+    ) -> None:
+        """fail: told of every error in a callback."""
+        self._node, self._robot, self._supervisor, self._fail = node, robot, supervisor, fail
+        self._gate = Gate(settings, robot.mechanism)
+        self.configure(settings)
+        self._wanted: tuple[tuple[float, ...], int] | None = None  # commanded rates, and when
+        self._stops = 0  # how often the level has risen to STOP or UNKNOWN
+        self._stopped = True
+        self._work: SimpleQueue[tuple[Command, Situation, int] | None] = SimpleQueue()
+        self.trajectories = node.create_publisher(JointTrajectory, "command_out", DEPTH)
+        self.velocities = node.create_publisher(Float64MultiArray, "velocity_out", DEPTH)
+        self.subscriptions = (
+            node.create_subscription(JointTrajectory, "command_in", self._guarded(self._on_trajectory), DEPTH),
+            node.create_subscription(Float64MultiArray, "velocity_in", self._guarded(self._on_velocity), DEPTH),
+        )
+        self._worker = Thread(target=self._certify, name="command gate", daemon=True)
+        self._worker.start()
+
+    def configure(self, settings: Settings) -> None:
+        """New settings."""
+        self._settings = settings
+        self._gate.configure(settings)
+        self._motions = MotionGate(settings, self._robot)
+        self._timeout_ns = round(settings.command_timeout_s * NS_PER_S)
+
+    def close(self) -> None:
+        """Ends the thread; publishers and subscriptions are the node's to destroy."""
+        self._work.put(None)
+        self._worker.join()
+
+    def beat(self, seen_ns: int) -> None:
+        """With every heartbeat: velocities again, and a hold when a stop has come."""
+        self._guarded(self._beat)(seen_ns)
+
+    def _guarded(self, callback: Callable[[Any], None]) -> Callable[[Any], None]:
+        def guarded(argument: Any) -> None:
+            try:
+                callback(argument)
+            except Exception as error:
+                self._fail(error)
+
+        return guarded
+
+    def _beat(self, seen_ns: int) -> None:
+        view = self._supervisor.view
+        stopped = view is None or view.judgement.level >= Level.STOP
+        if stopped and not self._stopped:
+            self._stops += 1
+            self._publish(None)
+        self._stopped = stopped
+        if self._wanted is not None:
+            self._pass_velocity(view, seen_ns)
+
+    def _on_velocity(self, message: Float64MultiArray) -> None:
+        now_ns = time.monotonic_ns()
+        self._wanted = tuple(message.data), now_ns
+        self._pass_velocity(self._supervisor.view, now_ns)
+
+    def _pass_velocity(self, view: View | None, now_ns: int) -> None:
+        assert self._wanted is not None
+        wanted, since_ns = self._wanted
+        if now_ns - since_ns > self._timeout_ns:
+            wanted, self._wanted = (0.0,) * len(self._settings.joint_names), None
+        allowed = self._gate.velocity(wanted, view)
+        self.velocities.publish(Float64MultiArray(data=list(allowed.rates)))
+        if allowed.text:
+            self._node.get_logger().info(f"velocity command: {allowed.text}", throttle_duration_sec=1.0)
+
+    def _on_trajectory(self, message: JointTrajectory) -> None:
+        view = self._supervisor.view
+        try:
+            command = self._command(message)
+        except BadTrajectory as error:
+            self._hold(str(error))
+            return
+        if view is None:
+            self._hold("the state of the robot is not known")
+            return
+        limits, share = self._gate.limits(view), self._gate.share(view)
+        situation = Situation(view.at.joints, view.velocity, share, limits)
+        while not self._work.empty():
+            self._work.get()
+        self._work.put((command, situation, self._stops))
+
+    def _command(self, message: JointTrajectory) -> Command:
+        times = [nanoseconds(p.time_from_start.sec, p.time_from_start.nanosec) / NS_PER_S for p in message.points]
+        positions = [tuple(point.positions) for point in message.points]
+        velocities = [tuple(point.velocities) for point in message.points]
+        return commanded(self._settings.joint_names, message.joint_names, times, positions, velocities)
+
+    def _certify(self) -> None:
+        """The thread: one command after another, until there is None."""
+        while (task := self._work.get()) is not None:
+            command, situation, stops = task
+            try:
+                path, text = self._motions.motion(command, situation)
+            except Exception as error:  # an error inside holds the robot
+                path, text = None, f"held: {type(error).__name__}: {error}"
+            if stops != self._stops:
+                path, text = None, "held: a stop came while the motion was looked at"
+            self._publish(path)
+            if text:
+                self._node.get_logger().info(f"trajectory command: {text}")
+
+    def _hold(self, text: str) -> None:
+        self._publish(None)
+        self._node.get_logger().warning(f"trajectory command: held: {text}")
+
+    def _publish(self, path: JointPath | None) -> None:
+        """A motion, without its first point, which is where the robot is; a message without points means hold."""
+        message = JointTrajectory(joint_names=list(self._settings.joint_names))
+        if path is not None:
+            for after_s, position, velocity in list(zip(path.times, path.positions, path.velocities, strict=True))[1:]:
+                sec, nanosec = sec_nanosec(round(after_s * NS_PER_S))
+                point = JointTrajectoryPoint(positions=list(position), velocities=list(velocity))
+                point.time_from_start = Duration(sec=sec, nanosec=nanosec)
+                message.points.append(point)
+        self.trajectories.publish(message)
