@@ -182,6 +182,19 @@ def test_no_pose_is_missed_and_none_is_invented(name):
     assert len(set(counts)) >= 2
 
 
+def test_two_poses_that_share_a_turn_are_both_found():
+    """The crank ends are seen from the platform joints in parallel directions: the lines that give P are one."""
+    robot, found = ROBOTS["equilateral"], 0
+    x = robot.direct((0.0, 0.0, 0.0), 1)
+    for q in robot.inverse_all(x):
+        at = robot.mechanism.at(tuple(q), tuple(x), 1, (0.0, 1.0))
+        if at.type2 > 0.01:
+            away = np.array(robot.direct_all(q)) - x
+            assert np.count_nonzero(np.abs(away).max(axis=1) < EXACT) == 1
+            found += np.count_nonzero((np.abs(away[:, 2]) < EXACT) & (np.abs(away[:, :2]).max(axis=1) > 0.01))
+    assert found, "no turn is shared: the fixture proves nothing"
+
+
 @every_robot
 def test_jacobians_are_the_gradients_of_the_closure(name):
     robot, rng = ROBOTS[name], np.random.default_rng(3)

@@ -67,7 +67,7 @@ def test_the_direct_kinematics_gives_back_the_pose_in_exactly_one_assembly_mode(
                 found.append(mode)
         A, _ = unit_jacobians(*closure_of(name), q, s.x)
         singular = abs(np.linalg.det(A)) < 1e-6 * robot.mechanism.length_m  # then two modes meet
-        assert len(found) == 1 or (singular and found)
+        assert len(found) == 1 or (singular and (found or not robot.mechanism.labels_hold))
 
 
 @every_robot
@@ -185,7 +185,7 @@ def test_the_largest_leg_force_is_the_largest_over_all_directions_of_the_load(na
     A, _ = unit_jacobians(*closure_of(name), s.q, s.x)
     tried = worst_forces(A, turns, force, moment)
     said = robot.reaction_max(s.x, s.q, force, moment)
-    spacing = np.deg2rad(0.05) if len(s.x) == 2 or turns else 0.02  # no direction is farther from a tried one
+    spacing = np.deg2rad(0.05) if len(s.x) - turns == 2 else 0.02  # no direction is farther from a tried one
     assert (tried <= said * (1 + 1e-9)).all()
     assert (tried >= said * (1 - spacing**2)).all()
     at = robot.evaluate(s.q, s.assembly, force=force, moment=moment)
@@ -203,15 +203,15 @@ def test_a_pure_force_is_carried_with_the_reciprocal_of_the_cosine_where_the_pla
 
 @cache
 def largest_lever(name):
-    """Largest |B_ii| met in a dense scan of the joints: m/rad, or 1 for a slide."""
+    """Largest |B_ii| met in a dense scan of the joints: m/rad, or 1 for a slide. Of the closure, at the postures that
+    the library calls farthest from Type 1."""
     robot = ROBOTS[name]
-    joints = random_joints(robot, np.random.default_rng(1), 2000)
+    scan = robot.evaluate_many(random_joints(robot, np.random.default_rng(1), 20000))
+    margins = np.nan_to_num(scan.type1_margin).max(axis=1)
     levers = []
-    for q in joints.tolist():
-        at = robot.mechanism.posture(tuple(q), robot.mechanism.usual_assembly_mode)
-        if at.status == 0:
-            _, B = unit_jacobians(*closure_of(name), np.array(q), np.array(at.pose))
-            levers.append(np.abs(np.diag(B)).max())
+    for i in np.argsort(margins)[-200:]:
+        _, B = unit_jacobians(*closure_of(name), scan.joint_position[i], scan.pose[i])
+        levers.append(np.abs(np.diag(B)).max())
     return max(levers)
 
 

@@ -12,6 +12,8 @@ from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2, Irsbot2Geometry
 from irsbot_kinematics.mechanisms.linear_delta import LinearDelta, LinearDeltaGeometry
 from irsbot_kinematics.mechanisms.orthoglide import Orthoglide
 from irsbot_kinematics.mechanisms.rrr3 import Rrr3, Rrr3Geometry
+from irsbot_kinematics.mechanisms.rrr3_base import Rrr3Base, Rrr3BaseGeometry
+from irsbot_kinematics.mechanisms.ruu4 import Ruu4, Ruu4Geometry
 from irsbot_kinematics.mechanisms.triaglide import Triaglide
 from irsbot_kinematics.mechanisms.uranesx import UraneSX
 
@@ -27,9 +29,11 @@ TOPOLOGIES: dict[str, Topology] = {
     "irsbot2": Topology(Irsbot2Geometry, Irsbot2),
     "five_bar": Topology(FiveBarGeometry, FiveBar),
     "rrr3": Topology(Rrr3Geometry, Rrr3),
+    "rrr3_base": Topology(Rrr3BaseGeometry, Rrr3Base),
     "orthoglide": Topology(DeltaGeometry, Orthoglide),
     "hybridglide": Topology(DeltaGeometry, Hybridglide),
     "triaglide": Topology(DeltaGeometry, Triaglide),
     "uranesx": Topology(DeltaGeometry, UraneSX),
+    "ruu4": Topology(Ruu4Geometry, Ruu4),
     "linear_delta": Topology(LinearDeltaGeometry, LinearDelta),
 }

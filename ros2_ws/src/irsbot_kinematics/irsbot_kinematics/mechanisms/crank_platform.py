@@ -28,6 +28,8 @@ from irsbot_kinematics.tolerances import CLOSURE_TOL_M, FOLLOWED_TOL_M, SAME_POS
 Point = tuple[float, float]
 POLISH = 3
 """Newton steps on every root of the polynomial: they start closer than 1e-4 and double the digits each time."""
+NEAR = 0.01
+"""1: a candidate that misses by more than this, over the size of the robot, is no root that rounding has displaced."""
 FOLLOW = 4
 """Steps at most with the neighbour's screws, and Newton steps at most after them."""
 HALVINGS = 6
@@ -150,11 +152,13 @@ class CrankPlatform(TurningPlatform):
         order = np.argsort(pose[-1], axis=1)
         pose = tuple([np.take_along_axis(column, order, axis=1) for column in pose])
         legs = self.legs(ARRAYS, repeated, pose)
-        valid = (np.max(np.abs(legs.closure), axis=0) <= CLOSURE_TOL_M) & known[:, None]
+        left = np.max(np.abs(legs.closure), axis=0)
+        miss = np.take_along_axis(miss, order, axis=1)
+        valid = (left <= CLOSURE_TOL_M) & (miss <= NEAR * self._size) & known[:, None]
         real = np.tile(unreal <= UNREAL_TOL, (1, pose[0].shape[1] // unreal.shape[1]))
         valid &= np.take_along_axis(real, order, axis=1)
-        valid &= ~_copies(pose, valid)
-        miss = np.where(valid, np.inf, np.nan_to_num(np.take_along_axis(miss, order, axis=1), nan=np.inf))
+        valid &= ~_copies(pose, valid, left)
+        miss = np.where(valid, np.inf, np.nan_to_num(miss, nan=np.inf))
         return Poses(pose, statics.cofactors(legs.screws)[0], valid, miss.min(axis=1), known)
 
     def _polished(self, joints: Sequence[Array], pose: tuple[Array, ...]) -> tuple[Array, ...]:
@@ -298,11 +302,13 @@ class CrankPlatform(TurningPlatform):
         return ball, (1.0 + 2.0 * l1 * l2 / sqrt(least)) / l2
 
 
-def _copies(pose: Sequence[Array], valid: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(N, M) candidates that an earlier one has already given, as the two of an almost double root may."""
+def _copies(pose: Sequence[Array], valid: NDArray[np.bool_], left: Array) -> NDArray[np.bool_]:
+    """(N, M) candidates that another one gives too, as the two of an almost double root may, and closes better, or
+    as well and earlier. left: (N, M) closure errors."""
     apart = np.max([np.abs(column[:, :, None] - column[:, None, :]) for column in pose], axis=0)
-    same = np.tril(apart <= SAME_POSE_TOL, -1) & valid[:, None, :]
-    copies: NDArray[np.bool_] = np.asarray(same.any(axis=2))
+    place = np.argsort(np.argsort(left, axis=1, kind="stable"), axis=1)
+    better = place[:, None, :] < place[:, :, None]
+    copies: NDArray[np.bool_] = np.asarray(((apart <= SAME_POSE_TOL) & better & valid[:, None, :]).any(axis=2))
     return copies
 
 

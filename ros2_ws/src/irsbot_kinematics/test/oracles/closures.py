@@ -47,6 +47,29 @@ def rrr3(g: Any, q: Array, x: Array) -> Array:
     return np.array(legs)
 
 
+def rrr3_base(g: Any, q: Array, x: Array) -> Array:
+    """Cranks turn about the base points; a rod of one length joins crank end and platform point."""
+    legs = []
+    c, s = np.cos(x[2]), np.sin(x[2])
+    for i, crank in enumerate(q, 1):
+        (ax, ay), (bx, by) = getattr(g, f"a{i}"), getattr(g, f"b{i}")
+        dx = x[0] + c * bx - s * by - ax - g.l1 * np.cos(crank)
+        dy = x[1] + s * bx + c * by - ay - g.l1 * np.sin(crank)
+        legs.append(dx * dx + dy * dy - g.l2 * g.l2)
+    return np.array(legs)
+
+
+def ruu4(g: Any, q: Array, x: Array) -> Array:
+    """Cranks in the plane z = 0 at every quarter of a turn; the platform stays level and turns about z."""
+    legs = []
+    for i, crank in enumerate(q):
+        foot, corner = i * np.pi / 2, i * np.pi / 2 + x[3]
+        dx = x[0] + g.rp * np.cos(corner) - g.rb * np.cos(foot) - g.l1 * np.cos(crank)
+        dy = x[1] + g.rp * np.sin(corner) - g.rb * np.sin(foot) - g.l1 * np.sin(crank)
+        legs.append(dx * dx + dy * dy + x[2] * x[2] - g.l2 * g.l2)
+    return np.array(legs)
+
+
 def _slides(feet: list[tuple[float, float, float]], rails: str) -> Closure:
     def closure(g: Any, q: Array, x: Array) -> Array:
         legs = []
@@ -71,6 +94,8 @@ CLOSURES: dict[str, Closure] = {
     "irsbot2": irsbot2,
     "five_bar": five_bar,
     "rrr3": rrr3,
+    "rrr3_base": rrr3_base,
+    "ruu4": ruu4,
     "orthoglide": _slides([(0.0, 0.0, 0.0)] * 3, "xyz"),
     "hybridglide": _slides([(1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 0.0)], "yyz"),
     "triaglide": _slides([(1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 0.0)], "yyy"),
@@ -89,9 +114,9 @@ def gradients(closure: Closure, g: Any, q: Array, x: Array) -> tuple[Array, Arra
 
 
 def unit_jacobians(closure: Closure, g: Any, q: Array, x: Array) -> tuple[Array, Array]:
-    """A with unit forces (first `forces` columns, a moment follows in the 3-RRR) and B of A t + B qdot = 0."""
+    """A with unit forces (first `forces` columns, a moment follows if the platform turns) and B of A t + B qdot = 0."""
     by_x, by_q = gradients(closure, g, q, x)
-    forces = 2 if len(x) == 2 or closure is rrr3 else 3
+    forces = 2 if len(x) == 2 or closure in (rrr3, rrr3_base) else 3
     size = np.linalg.norm(by_x[:, :forces], axis=1, keepdims=True)
     return by_x / size, by_q / size
 

@@ -52,6 +52,29 @@ def samples(draw: st.DrawFn, robot: irs.Robot, *, type1: float = 1e-3, type2: fl
     return Sample(q, np.array(at.pose), assembly, at)
 
 
+class Near(NamedTuple):
+    """Margins of N postures on the branch of another one: the fields of `Evaluations`."""
+
+    status: Array
+    pose: Array
+    working_mode: Array
+    type1_margin: Array
+    type2_margin: Array
+    constraint_margin: Array
+    limb_margin: Array
+
+
+def near(robot: irs.Robot, at: irs.Posture, joints: Array) -> Near | irs.Evaluations:
+    """Postures at joints (N, n) near those of `at`: by its label, or followed where labels do not hold."""
+    mechanism = robot.mechanism
+    if mechanism.labels_hold:
+        return robot.evaluate_many(joints, at.assembly_mode)
+    found = [mechanism.track(tuple(q), at) for q in joints.tolist()]
+    limb = [one.limb or (np.nan,) * mechanism.limb_count for one in found]
+    columns = zip(*[(o.status, o.pose, o.working_mode, o.type1, o.type2, o.constraint) for o in found], strict=True)
+    return Near(*[np.array(column) for column in columns], np.array(limb))
+
+
 def vectors(size: int, largest: float) -> st.SearchStrategy[Array]:
     return st.lists(st.floats(-largest, largest, allow_subnormal=False), min_size=size, max_size=size).map(np.array)
 
