@@ -6,26 +6,37 @@ supervisor and obedience as in the nodes; a message arrives in the cycle in whic
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from irsbot_kinematics import Robot
 from irsbot_kinematics.mechanism import Floats
-from irsbot_msgs_py.records import JointSample, Level, SingularityState, Tick, Verdict
+from irsbot_msgs_py.records import JointSample, Level, Reset, SingularityState, Tick, Verdict
+from irsbot_supervisor.core.gate import Allowed, Gate
 from irsbot_supervisor.core.intake import S
-from irsbot_supervisor.core.pipeline import Supervisor
+from irsbot_supervisor.core.latch import Judgement
+from irsbot_supervisor.core.motion import JointLimits
+from irsbot_supervisor.core.pipeline import Step, Supervisor
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.journal import configured, write_entry
 from irsbot_supervisor.sim.faults import FaultInjector, parse_faults
+from irsbot_supervisor.sim.joints import Drives
 from irsbot_supervisor.sim.obedience import Obedience
 from irsbot_supervisor.sim.simulation import Simulation, build
+from irsbot_supervisor.sim.trajectory import stand
 from irsbot_supervisor.tape import TapeWriter
 
 BEGIN_NS = 1_700_000_000 * S
 """ns: ROS time at which every simulated run begins; steady time begins at one second."""
 
 STEADY_NS = S
+
+SILENCE_S = 0.1
+"""s: a verdict counts for so long with a guided robot."""
+
+GUIDED_PERIOD_S = 0.001
+"""s between the samples of a guided robot."""
 
 
 class Cycle(NamedTuple):
@@ -90,3 +101,56 @@ def record(run: Iterator[Cycle], seconds: float, robot: Robot, settings: Setting
                 tape.add("supervisor/state", state, cycle.now_ns)
             for verdict in cycle.verdicts:
                 tape.add("supervisor/verdict", verdict, cycle.now_ns)
+
+
+class GuidedRobot:
+    """A robot that is moved by velocity commands through the command gate, in simulated time."""
+
+    def __init__(self, robot: Robot, settings: Settings, start: Floats, latency_s: float = 0.0) -> None:
+        """start: joint positions, at rest. latency_s: of the drives."""
+        limits = JointLimits(settings.velocity_limit, settings.deceleration_limit, settings.deceleration_limit)
+        self.settings = settings
+        self.supervisor = Supervisor(settings, robot)
+        self.drives = Drives(stand(start), limits, latency_s)
+        self.turns: list[Judgement] = []
+        """Every judgement that came into force."""
+        self._gate = Gate(settings, robot.mechanism)
+        self._obedience = Obedience(SILENCE_S, gated=True)
+        self._elapsed_ns = 0
+
+    @property
+    def now(self) -> Judgement:
+        return self.turns[-1]
+
+    def beat(self, wanted: Sequence[float]) -> Allowed:
+        """Go on for one heartbeat with a commanded velocity, rad/s or m/s; returns what the gate let through."""
+        allowed = self._gate.velocity(wanted, self.supervisor.view)
+        self.drives.jog(allowed.rates, self.settings.command_timeout_s)
+        self.drift()
+        return allowed
+
+    def rush(self, rates: Sequence[float]) -> None:
+        """Go on for one heartbeat with a velocity that does not pass the gate."""
+        self.drives.jog(tuple(rates), self.settings.command_timeout_s)
+        self.drift()
+
+    def drift(self) -> None:
+        """Go on for one heartbeat without a command."""
+        for _ in range(round(self.settings.heartbeat_s / GUIDED_PERIOD_S)):
+            self._elapsed_ns += round(GUIDED_PERIOD_S * S)
+            seen_ns, now_ns = STEADY_NS + self._elapsed_ns, BEGIN_NS + self._elapsed_ns
+            joints = self.drives.step(GUIDED_PERIOD_S, self._obedience.allowed(seen_ns))
+            names = self.settings.joint_names
+            self._hear(JointSample(now_ns, now_ns, seen_ns, names, joints.position, joints.velocity))
+
+    def reset(self) -> str:
+        """What an operator does; returns why it was refused, or an empty text."""
+        now_ns, seen_ns = BEGIN_NS + self._elapsed_ns, STEADY_NS + self._elapsed_ns
+        return self._hear(Reset(now_ns, seen_ns, self.now.event, "guided")).refusal
+
+    def _hear(self, event: JointSample | Reset) -> Step:
+        step = self.supervisor.step(event)
+        self.turns += step.turns
+        if step.verdict is not None:
+            self._obedience.hear(step.verdict.level, step.verdict.speed_scale, event.seen_ns)
+        return step

@@ -8,7 +8,7 @@ gives back what was gained. In doubt the answer is to hold.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from math import inf, isfinite
 from typing import NamedTuple
 
@@ -28,8 +28,15 @@ DIP = 0.002
 """1: how far below the best margin since a stop a motion away may be bounded. Bounds over boxes of joints lie a little
 below the margins; cut eight times, the boxes of a slow path are finer than this."""
 
-HALVINGS = 5
-"""How finely the allowed speed is found: to 3 % of what was commanded."""
+LAG_BEATS = 4.0
+"""1: heartbeats that pass until the drives have followed a command and the supervisor has seen that they did. With 2,
+one full-speed approach in ten ended in a stop where margins can be bounded only loosely."""
+
+STEP = 1.25
+"""1: by how much the allowed share of a command grows at most from one to the next."""
+
+LEAST = 0.01
+"""1: smaller shares of a command are none."""
 
 
 class View(NamedTuple):
@@ -54,6 +61,9 @@ class Gate:
     def __init__(self, settings: Settings, mechanism: Mechanism) -> None:
         self._mechanism = mechanism
         self._best: Margins = (-inf, -inf, -inf, -inf)  # since a stop, or since the gate's limit was crossed
+        self._along = self._inward = 1.0  # shares of the last command that were allowed
+        self._kind = 0  # the margin that limited it
+        self._last: Floats = ()  # what was asked for
         self.configure(settings)
 
     def configure(self, settings: Settings) -> None:
@@ -62,7 +72,7 @@ class Gate:
         self._assembly = settings.assembly_mode
         self._speed = settings.velocity_limit
         self._share = settings.recovery_share
-        self._lag_s = 2.0 * settings.heartbeat_s  # until the drives have followed, and the next command is out
+        self._lag_s = LAG_BEATS * settings.heartbeat_s
         self._keep = _raised(limits_of(settings, "stop"))
         self._error = (position_error(settings),) * len(settings.velocity_limit)
         self._slack_m = settings.geometry_tolerance_m
@@ -76,18 +86,13 @@ class Gate:
         if view is None or not share > 0.0:
             return Allowed(hold, "held: the state of the robot does not allow motion")
         limits = self.limits(view)
-        excess = max(abs(rate) / limit for rate, limit in zip(wanted, self._speed, strict=True)) / share
-        rates = tuple(rate / excess for rate in wanted) if excess > 1.0 else tuple(wanted)
+        excess = max(self._excess(wanted) / share, 1.0)
+        rates = tuple(rate / excess for rate in wanted)
         text = f"scaled to {1.0 / excess:.3g}: speed limit" if excess > 1.0 else ""
-        kind = self._beyond(view, rates, limits)
-        if kind is None:
-            return Allowed(rates, text)
-        along, inward = self._split(view.at, rates, kind)
-        kept = self._largest(view, along, inward, limits)
-        if kept is None:
-            kept = self._largest(view, hold, along, limits)
-        word = WORDS[KINDS[kind]]
-        return Allowed(kept or hold, f"limited by the {word}" if kept and any(kept) else f"held: {word}")
+        kept = self._kept(view, rates, share, limits)
+        if self._along == self._inward == 1.0:
+            return Allowed(kept, text)
+        return Allowed(kept, f"{'limited by' if any(kept) else 'held:'} the {WORDS[KINDS[self._kind]]}")
 
     def share(self, view: View | None) -> float:
         """Share of the speed limits that a command may use now; 0 means hold."""
@@ -114,6 +119,10 @@ class Gate:
         self._best = (best[0], best[1], best[2], best[3])
         return limits[0], limits[1], limits[2], limits[3]
 
+    def _excess(self, rates: Sequence[float]) -> float:
+        """By how much the fastest joint exceeds its limit."""
+        return max(abs(rate) / limit for rate, limit in zip(rates, self._speed, strict=True))
+
     def _beyond(self, view: View, rates: Floats, limits: Margins) -> int | None:
         """Which margin cannot be kept at these rates; None if all can."""
         if not any(rates):
@@ -127,27 +136,56 @@ class Gate:
         lack = [(have - want, have_now - want) for have, have_now, want in zip(floor, now, limits, strict=True)]
         return lack.index(min(lack))
 
-    def _largest(self, view: View, base: Floats, more: Floats, limits: Margins) -> Floats | None:
-        """The largest part of `more` that is allowed beside `base`; None if not even `base` is."""
-        if self._beyond(view, base, limits) is not None:
-            return None
-        low, high = 0.0, 1.0
-        for _ in range(HALVINGS):
-            middle = 0.5 * (low + high)
-            rates = tuple(b + middle * m for b, m in zip(base, more, strict=True))
-            low, high = (middle, high) if self._beyond(view, rates, limits) is None else (low, middle)
-        return tuple(b + low * m for b, m in zip(base, more, strict=True))
+    def _kept(self, view: View, rates: Floats, share: float, limits: Margins) -> Floats:
+        """The part of the rates that keeps the limits. All of a new command is tried; else the search begins with what
+        was allowed last: a little more, the same, less. So a command costs a few looks ahead, not a search."""
+        if self._along == self._inward == 1.0 or rates != self._last:
+            kind = self._beyond(view, rates, limits)
+            self._last = rates
+            if kind is None:
+                self._along = self._inward = 1.0
+                return rates
+            self._kind = kind
+        along, inward = self._split(view.at, rates, self._kind)
+        if (faster := self._excess(along) / share) > 1.0:  # a part can have a component that the whole has not
+            along, inward = tuple(r / faster for r in along), tuple(r / faster for r in inward)
+        for shares in _fewer(self._along, self._inward):
+            self._along, self._inward = shares
+            kept = tuple(shares[0] * a + shares[1] * b for a, b in zip(along, inward, strict=True))
+            kind = self._beyond(view, kept, limits)
+            if kind is None:
+                return kept
+            self._kind = kind
+        raise AssertionError("standing still is always allowed")
 
     def _split(self, at: Posture, rates: Floats, kind: int) -> tuple[Floats, Floats]:
         """Rates along the level lines of a margin, and the part that makes it shrink. In units of the speed limits."""
         speed = self._speed
-        slope = [s * limit for s, limit in zip(slopes(self._mechanism, at, self._assembly, kind), speed, strict=True)]
+        slope = [s * limit for s, limit in zip(slopes(self._mechanism, at, kind), speed, strict=True)]
         square = sum([s * s for s in slope])
         towards = sum([s * rate / limit for s, rate, limit in zip(slope, rates, speed, strict=True)])
         if not (square > 0.0 and towards < 0.0):
             return (0.0,) * len(rates), rates  # nothing to split: all of it is scaled
         inward = tuple(towards / square * s * limit for s, limit in zip(slope, speed, strict=True))
         return tuple(rate - part for rate, part in zip(rates, inward, strict=True)), inward
+
+
+def _fewer(along: float, inward: float) -> Iterator[tuple[float, float]]:
+    """Shares of the motion along a limit and towards it: from a little more than now down to none."""
+    if along == 1.0:
+        towards = inward
+        yield 1.0, min(max(inward, LEAST) * STEP, 1.0)
+        while towards >= LEAST:
+            yield 1.0, towards
+            towards /= STEP
+    elif along >= LEAST:
+        yield min(along * STEP, 1.0), 0.0
+    else:
+        along = LEAST * STEP
+    while along >= LEAST:
+        yield along, 0.0
+        along /= STEP
+    yield 0.0, 0.0
 
 
 def _raised(stop: Margins) -> Margins:

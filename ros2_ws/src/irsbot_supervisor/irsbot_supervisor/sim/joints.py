@@ -136,12 +136,10 @@ class Drives:
         self.now = JointPoint(tuple(position), tuple(velocity), tuple(acceleration))
 
     def _move_by_jog(self, seconds: float, rates: Floats, until_s: float) -> None:
-        """Each joint towards its commanded rate, with constant acceleration. Where it ends the joints stay."""
+        """Each joint towards its commanded rate, with constant acceleration."""
         if not (self._allowed > 0.0 and self._time_s < until_s):
+            self._jog, self._next = None, stand(self._halt())  # a command does not outlive a stop
             self._brake(seconds)
-            if self.stands:
-                self._jog, self._motion, self._motion_s = None, stand(self.now.position), 0.0
-                self._detour, self._astray = None, False
             return
         position, velocity, acceleration = [], [], []
         limits = zip(self.now.position, self.now.velocity, rates, self.limits.acceleration, strict=True)
