@@ -15,6 +15,7 @@ from supervised import settings_of
 
 import irsbot_kinematics as irs
 from irsbot_kinematics import Status
+from irsbot_supervisor.core.assess import margins_of
 from irsbot_supervisor.core.outlook import Foresight
 from irsbot_supervisor.core.settings import settings_from
 
@@ -61,6 +62,19 @@ def worst(robot: irs.Robot, Q: Array) -> Array:
     constraint = np.where(np.isnan(found.constraint_margin), np.inf, found.constraint_margin)
     columns = np.column_stack((found.type1_margin.min(axis=1), found.type2_margin, constraint, limb))
     return np.where(solved, columns, -1.0)
+
+
+def worst_along(robot: irs.Robot, path: Array, at: irs.Posture) -> Array:
+    """`worst` on a path that begins next to a posture: where labels do not hold its branch is followed, step by step."""
+    if robot.mechanism.labels_hold:
+        return worst(robot, path)
+    rows = []
+    for q in path.tolist():
+        at = robot.mechanism.track(tuple(q), at)
+        if at.status != Status.SOLVED:
+            return np.array([*rows, (-1.0,) * 4])
+        rows.append(margins_of(at))
+    return np.array(rows)
 
 
 def integrated(q: Array, v: Array, brake: Array, latency_s: float, times: Array) -> Array:
@@ -114,7 +128,7 @@ def checked(name: str, at: irs.Posture, rates, ahead_s: float, error: Array, see
     outlook = seer.foresee(at, tuple(rates), ahead_s)
     times = np.linspace(0.0, outlook.stop_s, 200)
     path = integrated(np.array(at.joints) + error, np.array(rates), brake, settings.latency_s + ahead_s, times)
-    met = worst(robot, path).min(axis=0)
+    met = worst_along(robot, path, at).min(axis=0)
     floor = np.array(outlook.floor)
     assert not np.isnan(floor).any()
     assert (floor <= np.maximum(met, 0.0) + 1e-6).all(), f"{name}: promised {floor}, met {met} from {at.joints} {rates}"

@@ -60,7 +60,7 @@ def test_a_robot_that_rests_in_a_good_posture_is_ok_after_the_dwell_time(name):
     mechanism = supervisor.robot.mechanism
     low = [max(j.lower, -3.0) if j.is_angle else j.lower for j in mechanism.joints]
     high = [min(j.upper, 3.0) if j.is_angle else j.upper for j in mechanism.joints]
-    Q = rng.uniform(low, high, (3000, len(low)))
+    Q = rng.uniform(low, high, (20000, len(low)))
     found = supervisor.robot.evaluate_many(Q)
     usual = (found.working_mode == mechanism.usual_working_mode).all(axis=1)
     quality = np.minimum(np.nan_to_num(found.type1_margin.min(axis=1)), np.nan_to_num(found.type2_margin))

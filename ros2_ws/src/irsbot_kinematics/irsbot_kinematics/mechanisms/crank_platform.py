@@ -3,7 +3,7 @@
 Planar with three legs or in space with four; cranks and platform turn about z. Such a platform has up to six turns for
 one joint position and no closed form. All assemblies come from a polynomial; between neighbours the branch is followed.
 Labels of these branches cannot hold everywhere, because two branches may be joined by a motion that meets no
-singularity: a label is the sign of det A and a rank by turn among the poses of that sign.
+singularity: a label is the sign of det A and a rank among the poses of that sign, the least turned one first.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ FOLLOW = 4
 """Steps at most with the neighbour's screws, and Newton steps at most after them."""
 HALVINGS = 6
 """How often the way from a neighbour is halved before the branch counts as lost."""
-
-
+TURN_DIGITS = 9
+"""Digits behind the point, rad, to which turns are compared in size: symmetric machines turn alike to both sides."""
 MISSED_M = 1e-6
 """m: least closure error said of a label that has no pose; candidates that nearly close may belong to other labels."""
 
@@ -136,7 +136,7 @@ class CrankPlatform(TurningPlatform):
         return pose, (gap, np.where(poses.known, self._size, 0.0))
 
     def assemblies(self, joints: Sequence[Array]) -> Poses:
-        """All poses of joint positions, each (N,), sorted by turn."""
+        """All poses of joint positions, each (N,), the least turned one first; of two turned alike the negative one."""
         with np.errstate(all="ignore"):  # candidates that do not close may divide by zero; they are not valid
             return self._assemblies(joints)
 
@@ -149,7 +149,7 @@ class CrankPlatform(TurningPlatform):
         repeated = [np.broadcast_to(q[:, None], start[0].shape) for q in joints]
         miss = self._error(repeated, start)
         pose = self._polished(repeated, start)
-        order = np.argsort(pose[-1], axis=1)
+        order = np.lexsort((pose[-1], np.round(np.abs(pose[-1]), TURN_DIGITS)), axis=1)
         pose = tuple([np.take_along_axis(column, order, axis=1) for column in pose])
         legs = self.legs(ARRAYS, repeated, pose)
         left = np.max(np.abs(legs.closure), axis=0)

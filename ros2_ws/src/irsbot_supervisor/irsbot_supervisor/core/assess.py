@@ -1,17 +1,20 @@
 """From joint positions to the posture: pose and margins, and whether the branch is still known.
 
 Encoders cannot see a change of assembly mode. After contact with a Type 2 locus, or after a jump that no motion
-explains, the branch is unknown until an operator confirms it.
+explains, the branch is unknown until an operator confirms it. Where labels do not hold along a branch, the label of
+the settings tells the branch of the first posture, which is then followed from sample to sample.
 """
 
 from __future__ import annotations
 
 from math import inf, nan
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from irsbot_kinematics import Mechanism, Posture, Status
 from irsbot_msgs_py.records import Floats
-from irsbot_supervisor.core.settings import Settings
+
+if TYPE_CHECKING:
+    from irsbot_supervisor.core.settings import Settings
 
 CONTACT_TOL_M = 1e-6
 """m: a gap to Type 2 smaller than this is contact: play and elasticity of any machine are larger."""
@@ -42,6 +45,7 @@ class Assessor:
         self._working = settings.working_mode
         self._assembly = settings.assembly_mode
         self._lost = ""
+        self._before: Posture | None = None  # where the branch was seen last, if labels alone do not tell it
         self.configure(settings)
 
     def configure(self, settings: Settings) -> None:
@@ -61,10 +65,11 @@ class Assessor:
 
     def confirm(self) -> None:
         """An operator confirms that the robot is in the branch of the settings."""
-        self._lost = ""
+        if self._lost:
+            self._lost, self._before = "", None  # as the label of the settings says, wherever the robot is now
 
     def _judged(self, joints: Floats, lasting: bool) -> Assessment:
-        at = self._mechanism.posture(joints, self._assembly)
+        at = self._posture(joints)
         fault = self._lost if lasting else ""
         if not (at.status == SOLVED and min(at.gaps) > self._contact):
             # Between assembled and not assembled lies contact: nobody passes from one to the other without it.
@@ -75,7 +80,14 @@ class Assessor:
             return Assessment(at, (nan,) * 4, fault)
         if not fault and at.working_mode != self._working:
             fault = self._mode_fault(at)
+        if lasting and not self._mechanism.labels_hold:
+            self._before = at
         return Assessment(at, margins_of(at), fault)
+
+    def _posture(self, joints: Floats) -> Posture:
+        if self._before is None or self._lost:
+            return self._mechanism.posture(joints, self._assembly)
+        return self._mechanism.track(joints, self._before)
 
     def _mode_fault(self, at: Posture) -> str:
         for leg, (now, usual) in enumerate(zip(at.working_mode, self._working, strict=True), 1):
@@ -95,12 +107,12 @@ def margins_of(at: Posture) -> Margins:
     )
 
 
-def slopes(mechanism: Mechanism, at: Posture, assembly: int, kind: int) -> Floats:
+def slopes(mechanism: Mechanism, at: Posture, kind: int) -> Floats:
     """How a margin grows with each joint, 1/rad or 1/m; central differences, 0 taken for the margin of no posture."""
 
     def margin(joint: int, step: float) -> float:
         moved = tuple([q + step if j == joint else q for j, q in enumerate(at.joints)])
-        near = mechanism.posture(moved, assembly)
+        near = mechanism.track(moved, at)
         return margins_of(near)[kind] if near.status == SOLVED else 0.0
 
     return tuple([(margin(j, PROBE) - margin(j, -PROBE)) / (2.0 * PROBE) for j in range(len(at.joints))])

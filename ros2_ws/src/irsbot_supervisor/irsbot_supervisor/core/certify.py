@@ -147,6 +147,7 @@ class _Walk:
         self._error = position_error(settings)
         self._slack_m = settings.geometry_tolerance_m
         self._minima = [(inf, 0.0)] * len(KINDS)
+        self._here: Posture | None = None  # at the end of what is settled
 
     def walk(self) -> Certificate:
         """The certificate of the whole motion."""
@@ -165,13 +166,15 @@ class _Walk:
             what = "no pose belongs to the joints" if at.status != Status.SOLVED else f"working mode {at.working_mode}"
             text = f"the motion begins in another branch than configured: {what}"
             return Violation(begin, int(Cause.BRANCH), nan, nan, at.joints, at.pose, text)
+        self._here = at
         return None if self._settled(floor, begin) else self._violation(at, floor, begin)
 
     def _segments(self, first: int, last: int) -> Violation | None:
         """The first violation in a row of segments."""
         motion = self._motion
-        _at, floor = self._bound(motion.low[first:last].min(axis=0), motion.high[first:last].max(axis=0))
+        at, floor = self._bound(motion.low[first:last].min(axis=0), motion.high[first:last].max(axis=0))
         if self._settled(floor, 0.5 * float(motion.times[first] + motion.times[last])):
+            self._advance(at, motion.q[last])
             return None
         if last - first == 1:
             return self._parts(first, 0.0, 1.0, CUTS)
@@ -185,6 +188,7 @@ class _Walk:
         at, floor = self._bound(*motion.part(segment, start, end))
         middle = 0.5 * (start + end)
         if self._settled(floor, begin + middle * length):
+            self._advance(at, motion.part(segment, end, end)[0])
             return None
         if cuts == 0:
             return self._violation(at, floor, begin + start * length)
@@ -192,11 +196,20 @@ class _Walk:
 
     def _bound(self, low: Array, high: Array) -> tuple[Posture, Margins]:
         """The posture in the middle of a box of joints, and lower bounds of the margins over the box."""
-        at = self._mechanism.posture(tuple((0.5 * (low + high)).tolist()), self._assembly)
+        middle, here = tuple((0.5 * (low + high)).tolist()), self._here
+        if here is None:
+            at = self._mechanism.posture(middle, self._assembly)
+        else:
+            at = self._mechanism.track(middle, here) if here.status == Status.SOLVED else here
         if at.status != Status.SOLVED:
             return at, (0.0, 0.0, 0.0, 0.0)
         travel = (0.5 * (high - low) + self._error).tolist()
         return at, floor_of(self._mechanism.guarantee(at, travel, self._slack_m))
+
+    def _advance(self, at: Posture, joints: Array) -> None:
+        """Where labels do not hold, the branch is followed: inside the box of which `at` is the middle."""
+        if not self._mechanism.labels_hold:
+            self._here = self._mechanism.track(tuple(joints.tolist()), at)
 
     def _settled(self, floor: Margins, time_s: float) -> bool:
         """Whether bounds suffice; if so, they count for the minima."""

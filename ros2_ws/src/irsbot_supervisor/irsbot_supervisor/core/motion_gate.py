@@ -10,7 +10,7 @@ from __future__ import annotations
 from math import isfinite
 from typing import NamedTuple
 
-from irsbot_kinematics import Robot
+from irsbot_kinematics import Posture, Robot
 from irsbot_msgs_py.records import Floats
 from irsbot_supervisor.core.assess import SOLVED, Margins
 from irsbot_supervisor.core.certify import certify
@@ -111,9 +111,13 @@ class MotionGate:
     def _can_stop(self, path: JointPath, limits: Margins) -> bool:
         """Whether the robot could stand before the limits if it braked at any of the moments that are looked at."""
         looks = max(min(round(path.duration_s / LOOK_S), MOST_LOOKS), 1)
+        at: Posture | None = None
         for look in range(looks):
             point = path.at(path.duration_s * look / looks)
-            at = self._robot.mechanism.posture(point.position, self._settings.assembly_mode)
+            if at is None:
+                at = self._robot.mechanism.posture(point.position, self._settings.assembly_mode)
+            else:
+                at = self._robot.mechanism.track(point.position, at)
             if at.status != SOLVED:
                 return False
             floor = self._foresight.foresee(at, point.velocity, self._lag_s, limits).floor

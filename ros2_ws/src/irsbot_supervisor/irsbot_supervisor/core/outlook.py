@@ -9,20 +9,23 @@ from __future__ import annotations
 
 from heapq import heappop, heappush
 from math import copysign, inf
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from irsbot_kinematics import Guarantee, Mechanism, Posture
 from irsbot_msgs_py.records import Floats
 from irsbot_supervisor.core.assess import SOLVED, Margins
-from irsbot_supervisor.core.settings import Settings
+
+if TYPE_CHECKING:
+    from irsbot_supervisor.core.settings import Settings
 
 CUTS = 8
 """How often the braking path of one sample is cut at most; the bound so far counts when they are used up. Each cut
 costs two postures; 8 keep the longest step below the P4 goal of the benchmark."""
 
 
-Stretch = tuple[float, float, float, Margins]
-"""Of the braking path: what the worst margin has above its limit, begin and end (s), smallest margins."""
+Stretch = tuple[float, float, float, Margins, Posture]
+"""Of the braking path: what the worst margin has above its limit, begin and end (s), smallest margins, posture at the
+begin."""
 
 
 class Outlook(NamedTuple):
@@ -38,7 +41,6 @@ class Foresight:
 
     def __init__(self, settings: Settings, mechanism: Mechanism) -> None:
         self._mechanism = mechanism
-        self._assembly = settings.assembly_mode
         self._latency = settings.latency_s
         self._brakes = settings.deceleration_limit
         self._error = position_error(settings)
@@ -66,7 +68,7 @@ class Foresight:
         floor = floor_of(whole)
         wanted = wanted or self._wanted
         if not (floor[0] >= wanted[0] and floor[1] >= wanted[1] and floor[2] >= wanted[2] and floor[3] >= wanted[3]):
-            floor = self._cut(at.joints, velocity, latency, stop_s, wanted)
+            floor = self._cut(at, velocity, latency, stop_s, wanted)
         return Outlook(floor, tuple(travel), stop_s)
 
     def position(self, joints: Floats, velocity: Floats, latency_s: float, time_s: float) -> Floats:
@@ -79,24 +81,24 @@ class Foresight:
             reached.append(q + v * (coasting + t) - (0.5 * a * t * t if v > 0.0 else -0.5 * a * t * t))
         return tuple(reached)
 
-    def _cut(self, joints: Floats, velocity: Floats, latency_s: float, stop_s: float, wanted: Margins) -> Margins:
+    def _cut(self, at: Posture, velocity: Floats, latency_s: float, stop_s: float, wanted: Margins) -> Margins:
         """Bounds along the path in stretches; the stretch farthest below what is wanted is cut next."""
         stretches: list[Stretch] = []
 
-        def add(start: float, end: float) -> None:
-            first, last = (self.position(joints, velocity, latency_s, time_s) for time_s in (start, end))
-            lack, floor = self._bound(first, last, wanted)
-            heappush(stretches, (lack, start, end, floor))
+        def add(start: float, end: float, begin: Posture) -> Posture:
+            first, last = (self.position(at.joints, velocity, latency_s, time_s) for time_s in (start, end))
+            lack, floor, after = self._bound(begin, first, last, wanted)
+            heappush(stretches, (lack, start, end, floor, begin))
+            return after
 
-        add(0.0, stop_s)
+        add(0.0, stop_s, at)
         for _ in range(CUTS):
-            lack, start, end, _floor = stretches[0]
+            lack, start, end, _floor, begin = stretches[0]
             if lack >= 0.0:
                 break
             heappop(stretches)
             middle = 0.5 * (start + end)
-            add(start, middle)
-            add(middle, end)
+            add(middle, end, add(start, middle, begin))
         floors = [stretch[3] for stretch in stretches]
         return (
             min([f[0] for f in floors]),
@@ -105,15 +107,19 @@ class Foresight:
             min([f[3] for f in floors]),
         )
 
-    def _bound(self, first: Floats, last: Floats, wanted: Margins) -> tuple[float, Margins]:
-        """What the worst margin has above what is wanted, and all of them, anywhere between two joint positions."""
-        middle = tuple([0.5 * (a + b) for a, b in zip(first, last, strict=True)])
-        at = self._mechanism.posture(middle, self._assembly)
-        floor = (0.0, 0.0, 0.0, 0.0)
-        if at.status == SOLVED:
-            half = [0.5 * abs(b - a) + self._error for a, b in zip(first, last, strict=True)]
-            floor = floor_of(self._mechanism.guarantee(at, half, self._slack_m))
-        return min([have - want for have, want in zip(floor, wanted, strict=True)]), floor
+    def _bound(self, begin: Posture, first: Floats, last: Floats, wanted: Margins) -> tuple[float, Margins, Posture]:
+        """What the worst margin has above what is wanted, and all of them, anywhere between two joint positions; and
+        a posture of the same branch for the next stretch. begin: such a posture, the one at `first` if labels fail."""
+        floor, after = (0.0, 0.0, 0.0, 0.0), begin
+        if begin.status == SOLVED:
+            middle = tuple([0.5 * (a + b) for a, b in zip(first, last, strict=True)])
+            at = self._mechanism.track(middle, begin)
+            if at.status == SOLVED:
+                half = [0.5 * abs(b - a) + self._error for a, b in zip(first, last, strict=True)]
+                floor = floor_of(self._mechanism.guarantee(at, half, self._slack_m))
+            if not self._mechanism.labels_hold:  # both ways lie in the box whose margins are bounded
+                after = self._mechanism.track(last, at) if at.status == SOLVED else at
+        return min([have - want for have, want in zip(floor, wanted, strict=True)]), floor, after
 
 
 def floor_of(guarantee: Guarantee) -> Margins:

@@ -6,11 +6,12 @@ A sample, a tick of a timer, an operator's reset and new settings enter by the s
 from __future__ import annotations
 
 from dataclasses import fields
-from math import inf, isfinite, nan, sqrt
+from math import inf, isfinite, nan, remainder, sqrt, tau
 from typing import NamedTuple
 
 from irsbot_kinematics import Posture, Robot
 from irsbot_kinematics.requests import solve_direct
+from irsbot_kinematics.tolerances import SAME_POSE_TOL
 from irsbot_msgs_py.records import (
     Cause,
     Configure,
@@ -208,6 +209,11 @@ class Supervisor:
         if answer.message or answer.status[0] != SOLVED:
             return answer.message or "the joints determine no pose to compare the seed pose with"
         seen, configured = answer.assembly_mode[0], self.settings.assembly_mode
+        if not self.robot.mechanism.labels_hold:
+            here = self._assessor.confirmed(joints).at.pose
+            turns = [tau if axis.is_angle else inf for axis in self.robot.mechanism.task]
+            away = [abs(remainder(a - b, turn)) for a, b, turn in zip(here, answer.poses, turns, strict=True)]
+            return "" if all(way <= SAME_POSE_TOL for way in away) else "the seed pose is nearest to another branch"
         if seen == configured:
             return ""
         return f"the seed pose is nearest to assembly mode {seen:+d}, the settings say {configured:+d}"
@@ -224,7 +230,7 @@ class Supervisor:
         kind = next((i for i, bit in enumerate(KINDS) if cause & bit), -1)
         if kind < 0:
             return ()
-        slope = slopes(self.robot.mechanism, assessment.at, self.settings.assembly_mode, kind)
+        slope = slopes(self.robot.mechanism, assessment.at, kind)
         size = sqrt(sum([s * s for s in slope]))
         return tuple([s / size for s in slope]) if 0.0 < size < inf else ()
 

@@ -6,7 +6,7 @@ import random
 from math import isfinite, nan
 from typing import NamedTuple
 
-from irsbot_kinematics import Mechanism, Status, statics
+from irsbot_kinematics import Mechanism, Posture, Status, statics
 from irsbot_kinematics.mechanism import Floats
 from irsbot_supervisor.core.motion import JointPoint
 
@@ -25,13 +25,18 @@ class Payload:
             raise BadSetting(f"platform mass must be finite and not negative, got {mass_kg!r} kg")
         self._mechanism = mechanism
         self._assembly = assembly
+        self._before: Posture | None = None
         self._mass_kg = mass_kg
         self._weight = tuple(-mass_kg * STANDARD_GRAVITY if c.name == "z" else 0.0 for c in mechanism.task)
         self._inertia = tuple(0.0 if c.is_angle else mass_kg for c in mechanism.task)
 
     def efforts(self, joints: JointPoint) -> Floats:
         """Motor efforts, N m or N: tau = -B R with A^T R + w = 0, w = m (g - a). NaN where they are not determined."""
-        at = self._mechanism.posture(joints.position, self._assembly)
+        if self._before is None:
+            at = self._mechanism.posture(joints.position, self._assembly)
+        else:
+            at = self._mechanism.track(joints.position, self._before)
+        self._before = at if at.status == Status.SOLVED else None
         if at.status != Status.SOLVED or at.det == 0.0:
             return (nan,) * len(joints.position)
         rates = statics.twist(at.screws, [-b * v for b, v in zip(at.levers, joints.velocity, strict=True)])
