@@ -10,6 +10,7 @@ from sys import float_info
 from typing import Any
 
 from irsbot_kinematics import Robot
+from irsbot_supervisor.core.limits import contradictions
 
 LEAST_LIMIT = 1e-3
 """1: a limit of 0 would accept a margin of 0, which is singular, and means nothing could be proved where it is a bound.
@@ -101,7 +102,9 @@ def settings_from(values: Mapping[str, Any], robot: Robot) -> Settings:
     given["working_mode"] = given.get("working_mode") or robot.mechanism.usual_working_mode
     given["assembly_mode"] = given.get("assembly_mode") or robot.mechanism.usual_assembly_mode
     settings = Settings(**given)
-    if faults := _single_faults(settings, n) or _cross_faults(settings, robot):
+    if faults := (
+        _single_faults(settings, n) or _cross_faults(settings, robot) or contradictions(settings, robot.mechanism)
+    ):
         raise InvalidSettings("; ".join(faults))
     return settings
 
