@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from irsbot_msgs_py.records import Cause, Level, Verdict
@@ -39,7 +40,8 @@ class DiagnosticsPublisher:
         self._verdict: Verdict | None = None
         self._supervisor: Supervisor | None = None
         self.publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
-        self.timer = node.create_timer(PERIOD_S, self._report)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
+        self.timer = node.create_timer(PERIOD_S, self._report, clock=steady)
 
     def watch(self, verdict: Verdict, supervisor: Supervisor) -> None:
         """The newest verdict."""

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Callable
+from typing import Any
 
 from irsbot_msgs.msg import SingularityState, Verdict
 from irsbot_msgs.srv import CheckTrajectory, ResetStop
 from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.timer import Timer
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
@@ -24,6 +28,7 @@ from irsbot_supervisor.journal import configured, write_entry
 from irsbot_supervisor.nodes.check import checked
 from irsbot_supervisor.nodes.diagnostics import DiagnosticsPublisher
 from irsbot_supervisor.nodes.gate import CommandGate
+from irsbot_supervisor.nodes.lifecycle import answer_every_request
 from irsbot_supervisor.nodes.parameters import changed_settings, declare_settings
 
 STREAM = QoSProfile(depth=200, reliability=ReliabilityPolicy.RELIABLE)
@@ -38,10 +43,14 @@ class SupervisorNode(LifecycleNode):
 
     def __init__(self) -> None:
         super().__init__("supervisor")
+        answer_every_request(self)
         autostart = self.declare_parameter("autostart", True).value
         self._settings, self._robot = declare_settings(self)
         self._supervisor: Supervisor | None = None
-        self._parts: list[tuple[object, object]] = []
+        self._gate: CommandGate | None = None
+        self._parts: list[tuple[Any, Callable[[Any], object]]] = []
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._heart: Timer | None = None
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
         if autostart:
@@ -53,29 +62,23 @@ class SupervisorNode(LifecycleNode):
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Start with nothing known: UNKNOWN until good samples have arrived."""
         self._supervisor = Supervisor(self._settings, self._robot)
-        self._states = self.create_publisher(SingularityState, "~/state", STREAM)
-        self._verdicts = self.create_publisher(Verdict, "~/verdict", LATCHED)
-        self._journal = self.create_publisher(String, "~/journal", JOURNAL)
+        publisher, kept = self.create_publisher, self._kept
+        self._states = kept(publisher(SingularityState, "~/state", STREAM), self.destroy_publisher)
+        self._verdicts = kept(publisher(Verdict, "~/verdict", LATCHED), self.destroy_publisher)
+        self._journal = kept(publisher(String, "~/journal", JOURNAL), self.destroy_publisher)
         self._diagnostics = DiagnosticsPublisher(self, self._settings)
+        kept(self._diagnostics.publisher, self.destroy_publisher)
+        kept(self._diagnostics.timer, self.destroy_timer)
         samples = self.create_subscription(JointState, "joint_states", self._on_sample, STREAM, raw=True)
-        reset = self.create_service(ResetStop, "~/reset", self._on_reset)
-        check = self.create_service(CheckTrajectory, "~/check_trajectory", self._on_check)
+        kept(samples, self.destroy_subscription)
+        kept(self.create_service(ResetStop, "~/reset", self._on_reset), self.destroy_service)
+        kept(self.create_service(CheckTrajectory, "~/check_trajectory", self._on_check), self.destroy_service)
         self._gate = CommandGate(self, self._settings, self._robot, self._supervisor, self._fail)
-        heartbeat = self.create_timer(self._settings.heartbeat_s, self._on_tick)
-        self._parts = [
-            (self.destroy_subscription, samples),
-            (self.destroy_service, reset),
-            (self.destroy_service, check),
-            (self.destroy_timer, heartbeat),
-            *((self.destroy_subscription, commands) for commands in self._gate.subscriptions),
-            (self.destroy_publisher, self._gate.trajectories),
-            (self.destroy_publisher, self._gate.velocities),
-            (self.destroy_timer, self._diagnostics.timer),
-            (self.destroy_publisher, self._states),
-            (self.destroy_publisher, self._verdicts),
-            (self.destroy_publisher, self._journal),
-            (self.destroy_publisher, self._diagnostics.publisher),
-        ]
+        for commands in self._gate.subscriptions:
+            kept(commands, self.destroy_subscription)
+        for allowed in (self._gate.trajectories, self._gate.velocities):
+            kept(allowed, self.destroy_publisher)
+        self._start_heart()
         now = self._now()
         self._note(configured(self._settings, self._robot, *now))
         self._step(Tick(*now))  # silence counts from the moment in which the settings come into force
@@ -84,16 +87,46 @@ class SupervisorNode(LifecycleNode):
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Fall silent; a latched stop is not remembered, the next activation starts at UNKNOWN."""
-        self._gate.close()
-        for destroy, part in self._parts:
-            destroy(part)  # type: ignore[operator]
-        self._parts, self._supervisor = [], None
+        self._fall_silent()
         return super().on_deactivate(state)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """From whatever state."""
+        self._fall_silent()
+        return super().on_shutdown(state)
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """An activation that failed half-way leaves nothing behind."""
+        self._fall_silent()
+        return super().on_error(state)
 
     def close(self) -> None:
         """Called by the shell before the node is destroyed."""
-        if self._supervisor is not None:
+        self._fall_silent()
+
+    def _fall_silent(self) -> None:
+        self._supervisor = None
+        if self._gate is not None:
             self._gate.close()
+        for part, destroy in self._parts:
+            destroy(part)
+        self._parts, self._gate = [], None
+        self._stop_heart()
+
+    def _kept(self, part: Any, destroy: Callable[[Any], object]) -> Any:
+        """A part of the active state, and how it goes."""
+        self._parts.append((part, destroy))
+        return part
+
+    def _start_heart(self) -> None:
+        """On the steady clock: simulated time may stand still, and the heart must not."""
+        self._stop_heart()
+        self._heart = self.create_timer(self._settings.heartbeat_s, self._on_tick, clock=self._steady)
+
+    def _stop_heart(self) -> None:
+        if self._heart is not None:
+            self.destroy_timer(self._heart)
+        self._heart = None
 
     # --- callbacks ---------------------------------------------------------------------------------------------
 
@@ -108,7 +141,8 @@ class SupervisorNode(LifecycleNode):
     def _on_tick(self) -> None:
         tick = Tick(*self._now())
         self._step(tick)
-        self._gate.beat(tick.seen_ns)
+        if self._gate is not None:
+            self._gate.beat(tick.seen_ns)
 
     def _on_reset(self, request: ResetStop.Request, response: ResetStop.Response) -> ResetStop.Response:
         reset = Reset(*self._now(), request.event, request.operator_text, tuple(request.seed_pose))
@@ -172,7 +206,9 @@ class SupervisorNode(LifecycleNode):
             change = configured(settings, self._robot, *self._now())
             self._note(change)
             self._step(change)
+        if self._gate is not None:
             self._gate.configure(settings)
+            self._start_heart()
 
     def _note(self, event: Configure | Reset) -> None:
         self._journal.publish(String(data=write_entry(event)))

@@ -1,0 +1,200 @@
+"""Robots for supervisors in processes of their own: joint states as told over DDS, and all that a supervisor says."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import rclpy
+from irsbot_msgs.msg import SingularityState as StateMessage
+from irsbot_msgs.msg import Verdict as VerdictMessage
+from irsbot_msgs.srv import ResetStop
+from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+from rclpy.experimental.events_executor import EventsExecutor
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.task import Future
+from sensor_msgs.msg import JointState
+
+from irsbot_kinematics import make_robot
+from irsbot_msgs_py.cdr import decode_verdict, encode_joint_state
+from irsbot_msgs_py.convert import state_record
+from irsbot_msgs_py.records import Floats, JointSample, Level, SingularityState, Verdict
+from irsbot_supervisor.suite import SUPERVISOR, Node, Suite, free_domain
+
+PATIENCE_S = 30.0
+"""Longest wait for anything: far more than it takes, on the slowest machine."""
+
+PERIOD_S = 0.002
+"""s between joint states: half the rate of a fast drive leaves time for everything else that runs."""
+
+NAMES = ("joint_1", "joint_2")
+ROBOT = make_robot("irsbot2")
+GOOD: Floats = tuple(ROBOT.inverse((0.0, -0.85)).tolist())
+"""Joint positions, rad, far from every singularity."""
+
+NEAR: Floats = tuple(ROBOT.inverse((0.0, -1.198)).tolist())
+"""Joint positions, rad, with Type 1 margin 0.121 and Type 2 margin 0.100: stops are at 0.15."""
+
+Say = Callable[[int], JointSample | None]
+"""What the drives say at a time, ns of the clock that stamps; None: nothing."""
+
+
+def sample(
+    stamp_ns: int, position: Floats, velocity: Floats = (0.0, 0.0), names: tuple[str, ...] = NAMES
+) -> JointSample:
+    """A joint state; times of arrival are not part of it."""
+    return JointSample(stamp_ns, 0, 0, names, position, velocity)
+
+
+def resting(position: Floats) -> Say:
+    return lambda stamp_ns: sample(stamp_ns, position)
+
+
+def swinging(middle: Floats) -> Say:
+    """Joints to and fro by 0.05 rad with up to 0.3 rad/s, one after the other: harmless, and never at rest together."""
+    size, pace = 0.05, 6.0
+
+    def say(stamp_ns: int) -> JointSample:
+        phases = [pace * (stamp_ns % 10**12) * 1e-9 + 0.5 * math.pi * joint for joint in range(len(middle))]
+        position = tuple(q + size * math.sin(phase) for q, phase in zip(middle, phases, strict=True))
+        return sample(stamp_ns, position, tuple(size * pace * math.cos(phase) for phase in phases))
+
+    return say
+
+
+def going(start: Floats, end: Floats, begin_ns: int, seconds: float) -> Say:
+    """From one place to another, smoothly, and then standing there."""
+
+    def say(stamp_ns: int) -> JointSample:
+        turn = math.pi / seconds
+        phase = min(max((stamp_ns - begin_ns) * 1e-9, 0.0), seconds) * turn
+        way, pace = 0.5 - 0.5 * math.cos(phase), 0.5 * math.sin(phase) * turn
+        ways = [b - a for a, b in zip(start, end, strict=True)]
+        position = tuple(a + way * d for a, d in zip(start, ways, strict=True))
+        return sample(stamp_ns, position, tuple(pace * d for d in ways))
+
+    return say
+
+
+class Wire:
+    """A DDS domain of our own with the supervisors on it. Close it, or use it as a context manager."""
+
+    def __init__(self, logs: Path) -> None:
+        self.logs, self.domain = logs, free_domain()
+        self.context = rclpy.Context()
+        rclpy.init(context=self.context, domain_id=self.domain)
+        self.executor = EventsExecutor(context=self.context)
+        self.cells: list[Cell] = []
+
+    def until(self, happened: Callable[[], Any], what: str = "") -> None:
+        """Serve callbacks until something has happened."""
+        deadline = time.monotonic() + PATIENCE_S
+        while not happened():
+            said = [cell.verdicts[-1:] for cell in self.cells]
+            assert time.monotonic() < deadline, f"in vain: {what}; last verdicts {said}"
+            for cell in self.cells:
+                cell.suite.check()
+            self.executor.spin_until_future_complete(Future(), timeout_sec=0.01)
+
+    def close(self) -> None:
+        for cell in self.cells:
+            cell.suite.stop()
+        self.executor.shutdown()
+        for cell in self.cells:
+            cell.node.destroy_node()
+        rclpy.shutdown(context=self.context)
+
+    def __enter__(self) -> Wire:
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        self.close()
+
+
+class Cell:
+    """One robot, in a namespace of its own, and its supervisor."""
+
+    def __init__(self, wire: Wire, namespace: str = "", *, module: str = SUPERVISOR, **parameters: Any) -> None:
+        self.wire, self.say = wire, resting(GOOD)
+        self.clock: Callable[[], int] = time.time_ns
+        self.states: list[SingularityState] = []
+        self.verdicts: list[Verdict] = []
+        self.node = rclpy.create_node("robot", namespace=namespace, context=wire.context)
+        deep = QoSProfile(depth=1000)
+        latched = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.joints = self.node.create_publisher(JointState, "joint_states", deep)
+        self.node.create_subscription(
+            StateMessage, "supervisor/state", lambda m: self.states.append(state_record(m)), deep
+        )
+        self.node.create_subscription(
+            VerdictMessage, "supervisor/verdict", lambda d: self.verdicts.append(decode_verdict(d)), latched, raw=True
+        )
+        self.node.create_timer(PERIOD_S, self._speak)
+        wire.executor.add_node(self.node)
+        self.suite = Suite(wire.logs / (namespace or "alone"), wire.domain, namespace)
+        self.supervisor = Node("supervisor", module, parameters)
+        self.suite.start(self.supervisor)
+        wire.cells.append(self)
+
+    @property
+    def printed(self) -> str:
+        """What the supervisor has printed."""
+        (log,) = self.wire.logs.glob(f"{self.node.get_namespace().strip('/') or 'alone'}/supervisor.log")
+        return log.read_text()
+
+    def heard(self, happened: Callable[[Verdict], bool], what: str = "") -> list[Verdict]:
+        """The verdicts from now on until one is as wanted, that one included."""
+        start = len(self.verdicts)
+        self.wire.until(lambda: any(happened(v) for v in self.verdicts[start:]), what)
+        fresh = self.verdicts[start:]
+        return fresh[: 1 + next(k for k, verdict in enumerate(fresh) if happened(verdict))]
+
+    def heard_level(self, level: Level) -> Verdict:
+        """The first verdict of a level from now on."""
+        return self.heard(lambda verdict: verdict.level == level, level.name)[-1]
+
+    def heard_many(self, number: int) -> list[Verdict]:
+        """So many verdicts, from now on."""
+        start = len(self.verdicts)
+        self.wire.until(lambda: len(self.verdicts) >= start + number, f"{number} verdicts")
+        return self.verdicts[start:]
+
+    def call(self, kind: Any, name: str, request: Any) -> Any:
+        """The answer of a service."""
+        client = self.node.create_client(kind, name)
+        self.wire.until(client.service_is_ready, f"service {name}")
+        answer = client.call_async(request)
+        self.wire.until(answer.done, f"answer of {name}")
+        self.node.destroy_client(client)
+        return answer.result()
+
+    def set(self, **values: Any) -> tuple[bool, str]:
+        """Set parameters in one call, as a whole; whether they were accepted, and why not."""
+        parameters = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+        if len(parameters) == 1:
+            request = SetParameters.Request(parameters=parameters)
+            (result,) = self.call(SetParameters, "supervisor/set_parameters", request).results
+        else:
+            request = SetParametersAtomically.Request(parameters=parameters)
+            result = self.call(SetParametersAtomically, "supervisor/set_parameters_atomically", request).result
+        return result.successful, result.reason
+
+    def reset(self, event: int, seed_pose: Floats = ()) -> Any:
+        request = ResetStop.Request(event=event, operator_text="tested", seed_pose=seed_pose)
+        return self.call(ResetStop, "supervisor/reset", request)
+
+    def change(self, transition: int) -> bool:
+        """One step of the life cycle, a constant of lifecycle_msgs/Transition."""
+        request = ChangeState.Request()
+        request.transition.id = transition
+        return self.call(ChangeState, "supervisor/change_state", request).success
+
+    def _speak(self) -> None:
+        said = self.say(self.clock())
+        if said is not None:
+            self.joints.publish(encode_joint_state(said))

@@ -1,0 +1,34 @@
+"""supervisor_node with a fake: an IRSBot-2 whose mathematics fails on one side. Run as a module."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+
+import irsbot_supervisor.settings_file
+from irsbot_kinematics import Robot, make_robot
+from irsbot_kinematics.mechanism import Posture
+from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2
+from irsbot_supervisor.nodes.supervisor import main
+
+FAILS_ABOVE = 2.95
+"""rad: where the fake fails, of the first joint."""
+
+
+class FakeFailingIrsbot2(Irsbot2):
+    """Raises what no mechanism may raise."""
+
+    def posture(self, joints: Sequence[float], assembly: int) -> Posture:
+        if joints[0] > FAILS_ABOVE:
+            raise ArithmeticError("a fake error of the mechanism")
+        return super().posture(joints, assembly)
+
+
+def fake_robot_of(name: str) -> Robot:
+    robot = make_robot(name)
+    return Robot(FakeFailingIrsbot2(robot.mechanism.geometry), robot.name)
+
+
+if __name__ == "__main__":
+    irsbot_supervisor.settings_file.robot_of = fake_robot_of
+    sys.exit(main())

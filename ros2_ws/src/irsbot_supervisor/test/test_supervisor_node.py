@@ -1,0 +1,351 @@
+"""supervisor_node in a process of its own, over DDS: what it makes of bad data, of silence and of its operators."""
+
+from __future__ import annotations
+
+import math
+import signal
+import time
+from collections.abc import Callable, Iterator
+from itertools import count
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
+
+from cell import GOOD, NAMES, NEAR, PATIENCE_S, Cell, Wire, going, resting, sample, swinging
+from lifecycle_msgs.msg import Transition
+
+from irsbot_msgs_py.records import Cause, JointSample, Level
+
+pytestmark = [
+    pytest.mark.ros,
+    # rclpy reads .idl files with a version of lark that still imports this module
+    pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning"),
+]
+
+STALE_NS = 50_000_000
+"""What is shipped as stale_s."""
+
+
+@pytest.fixture
+def wire(tmp_path: Path) -> Iterator[Wire]:
+    with Wire(tmp_path / "logs") as wire:
+        yield wire
+
+
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cell]:
+    """One supervisor for all tests that leave it as it was; nothing may have failed inside when they are over."""
+    with Wire(tmp_path_factory.mktemp("shared")) as wire:
+        cell = Cell(wire)
+        yield cell
+        assert cell.suite.stop() == {"supervisor": 0}
+        assert "Traceback" not in cell.printed
+        assert not any(verdict.causes & Cause.INTERNAL for verdict in cell.verdicts)
+
+
+@pytest.fixture
+def cell(shared: Cell) -> Cell:
+    """A robot at rest whose supervisor says OK."""
+    shared.say = resting(GOOD)
+    shared.heard_level(Level.OK)
+    return shared
+
+
+# --- data ----------------------------------------------------------------------------------------------------------
+
+
+def bad(stamp_ns: int, **changes: object) -> JointSample:
+    return sample(stamp_ns, GOOD)._replace(**changes)
+
+
+@pytest.mark.parametrize(
+    ("make", "cause"),
+    [
+        (lambda t: bad(t, position=(math.nan, math.nan)), Cause.NONFINITE),
+        (lambda t: bad(t, position=(math.inf, GOOD[1])), Cause.NONFINITE),
+        (lambda t: bad(t, names=("joint_1",), position=GOOD[:1], velocity=(0.0,)), Cause.NAMES),
+        (lambda t: bad(t, names=("joint_1", "joint_1")), Cause.NAMES),
+        (lambda t: bad(t, position=GOOD[:1]), Cause.NAMES),
+        (lambda t: bad(t, names=()), Cause.NAMES),
+        (lambda t: bad(t + 10**10), Cause.STAMP),
+        (lambda t: bad(0), Cause.STAMP),
+    ],
+    ids=["NaN", "infinite", "missing name", "doubled name", "short", "nameless", "future", "stamp zero"],
+)
+def test_ten_bad_samples_are_never_called_ok_and_good_ones_are_again(
+    cell: Cell, make: Callable[[int], JointSample], cause: Cause
+):
+    turns = count()
+    before = len(cell.states)
+    cell.say = lambda t: make(t) if next(turns) < 10 else sample(t, GOOD)
+    heard = cell.heard(lambda verdict: bool(verdict.causes & cause), str(cause))
+    assert heard[-1].level == Level.UNKNOWN
+    after = cell.heard(lambda verdict: verdict.level == Level.OK, "recovery")
+    assert all(verdict.level == Level.UNKNOWN for verdict in after[:-1])
+    cell.wire.until(lambda: sum(state.causes & cause > 0 for state in cell.states[before:]) == 10)
+    judged = [state for state in cell.states[before:] if state.causes & cause]
+    assert all(state.level == Level.UNKNOWN for state in judged)
+    assert all(math.isnan(state.type2_margin) for state in judged)
+    assert after[-1].stamp_ns > judged[-1].stamp_ns or cause == Cause.STAMP  # what is OK is the sample, not the burst
+
+
+def test_joints_in_another_order_and_among_others_are_taken_by_name(cell: Cell):
+    there = cell.states[-1]
+    mixed = ("joint_2", "gripper", "joint_1")
+    cell.say = lambda t: JointSample(t, 0, 0, mixed, (GOOD[1], 9.0, GOOD[0]), (0.0, 5.0, 0.0))
+    start = len(cell.states)
+    cell.wire.until(lambda: len(cell.states) > start + 100)
+    cell.say = lambda t: sample(t, GOOD[::-1], names=NAMES[::-1])
+    cell.wire.until(lambda: len(cell.states) > start + 200)
+    for state in cell.states[start:]:
+        assert state.joint_position == GOOD
+        assert state.pose == pytest.approx(there.pose, abs=1e-12)
+        assert state.level == Level.OK
+
+
+def test_silence_is_unknown_from_the_stale_limit_on_and_ends_with_the_next_good_samples(cell: Cell):
+    cell.say = lambda t: None
+    (*_, stale) = cell.heard(lambda verdict: bool(verdict.causes & Cause.STALE), "STALE")
+    assert stale.level == Level.UNKNOWN
+    assert stale.since_ns == cell.states[-1].seen_ns + STALE_NS  # when silence began to count, not when it was noticed
+    assert all(verdict.level == Level.UNKNOWN for verdict in cell.heard_many(20))  # 0.2 s of heartbeats
+    cell.say = resting(GOOD)
+    *silent, again = cell.heard(lambda verdict: verdict.level == Level.OK, "recovery")
+    assert all(verdict.level == Level.UNKNOWN for verdict in silent)
+    assert again.stamp_ns > stale.stamp_ns
+
+
+def test_before_the_first_sample_nothing_is_known(wire: Wire):
+    cell = Cell(wire)
+    cell.say = lambda t: None
+    heard = cell.heard_many(5)
+    assert all((verdict.level, verdict.causes) == (Level.UNKNOWN, Cause.NO_DATA) for verdict in heard)
+    cell.say = resting(GOOD)
+    cell.heard_level(Level.OK)
+
+
+# --- operators -----------------------------------------------------------------------------------------------------
+
+
+def test_a_change_of_parameters_is_refused_as_a_whole_or_comes_into_force_as_a_whole(cell: Cell):
+    before = cell.heard_many(1)[-1].config_hash
+    accepted, reason = cell.set(type1_warn=0.1)
+    assert not accepted
+    assert "type1_warn (0.1)" in reason
+    assert "type1_stop (0.15)" in reason
+    accepted, reason = cell.set(type2_warn=0.9, type1_stop=0.3)
+    assert not accepted
+    assert "type1_stop (0.3)" in reason
+    assert {verdict.config_hash for verdict in cell.heard_many(20)} == {before}
+    assert cell.set(joint_names=["a", "b"])[0] is False  # read only
+    assert cell.set(latency_s=-1.0)[0] is False
+    assert cell.set(type1_stop=0.3, type1_warn=0.4) == (True, "")  # either alone would be refused
+    changed = cell.heard(lambda verdict: verdict.config_hash != before)[-1]
+    assert {verdict.config_hash for verdict in cell.heard_many(20)} == {changed.config_hash}
+    assert cell.set(type2_warn=0.9) == (True, "")
+    warned = cell.heard_level(Level.WARN)
+    assert warned.causes == Cause.TYPE2
+    assert cell.set(type1_stop=0.15, type1_warn=0.25, type2_warn=0.25) == (True, "")
+
+
+def test_a_latched_stop_survives_a_change_of_settings_and_ends_by_the_right_reset_alone(wire: Wire):
+    cell = Cell(wire)
+    cell.say = resting(NEAR)
+    stop = cell.heard_level(Level.STOP)
+    assert stop.latched
+    assert stop.event == 1
+    assert stop.causes & (Cause.TYPE1 | Cause.TYPE2)
+
+    answer = cell.reset(1)
+    assert not answer.accepted
+    assert "cause is still there" in answer.message
+
+    assert cell.set(type1_stop=0.01, type2_stop=0.01) == (True, "")
+    cell.heard(lambda verdict: verdict.config_hash != stop.config_hash)
+    kept = cell.heard_many(20)
+    assert all(verdict.latched and verdict.event == 1 and verdict.level == Level.STOP for verdict in kept)
+    assert cell.set(type1_stop=0.15, type2_stop=0.15) == (True, "")
+
+    cell.say = going(NEAR, GOOD, time.time_ns(), 1.0)
+    cell.wire.until(lambda: cell.states[-1].level == Level.OK and cell.states[-1].joint_position == GOOD)
+    cell.say = swinging(GOOD)
+    cell.wire.until(lambda: any(abs(rate) > 0.1 for rate in cell.states[-1].joint_velocity))
+    answers = [cell.reset(1) for _ in range(3)]
+    assert all("not standing" in answer.message for answer in answers)
+    assert cell.heard_many(1)[-1].latched
+
+    cell.say = resting(GOOD)
+    cell.wire.until(lambda: cell.states[-1].joint_velocity == (0.0, 0.0))
+    wrong = cell.reset(2)
+    assert not wrong.accepted
+    assert "event 2" in wrong.message
+    right = cell.reset(1)
+    assert right.accepted, right.message
+    assert right.message == ""
+    ended = cell.heard_level(Level.OK)
+    assert not ended.latched
+    again = cell.reset(1)
+    assert not again.accepted
+    assert "nothing to reset" in again.message
+
+
+def test_only_an_active_supervisor_speaks_and_every_activation_begins_with_unknown(wire: Wire):
+    cell = Cell(wire)
+    cell.heard_level(Level.OK)
+
+    def silent() -> bool:
+        return not cell.node.count_publishers("supervisor/verdict") + cell.node.count_publishers("supervisor/state")
+
+    def begins_with_unknown() -> bool:
+        """It knows nothing of before: as long as no joint states come, no verdict can be another."""
+        begin = cell.heard_many(10)
+        cell.say = resting(GOOD)
+        cell.heard_level(Level.OK)
+        return all((verdict.level, verdict.causes) == (Level.UNKNOWN, Cause.NO_DATA) for verdict in begin)
+
+    assert cell.change(Transition.TRANSITION_DEACTIVATE)
+    cell.wire.until(silent, "silence")
+    assert not cell.change(Transition.TRANSITION_DEACTIVATE)  # it is not active
+    assert cell.set(type1_warn=0.3) == (True, "")  # for the next activation
+    cell.say = lambda t: None
+    assert cell.change(Transition.TRANSITION_ACTIVATE)
+    assert begins_with_unknown()
+    assert cell.change(Transition.TRANSITION_DEACTIVATE)
+    assert cell.change(Transition.TRANSITION_CLEANUP)
+    cell.wire.until(silent, "silence")
+    assert cell.change(Transition.TRANSITION_CONFIGURE)
+    assert silent()
+    cell.say = lambda t: None
+    assert cell.change(Transition.TRANSITION_ACTIVATE)
+    assert begins_with_unknown()
+    assert cell.change(Transition.TRANSITION_ACTIVE_SHUTDOWN)
+    cell.wire.until(silent, "silence")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_the_process_with_exit_code_0(wire: Wire, number: signal.Signals):
+    cell = Cell(wire)
+    cell.heard_level(Level.OK)
+    process = cell.suite.processes["supervisor"]
+    process.send_signal(number)
+    assert process.wait(PATIENCE_S) == 0
+    assert "Traceback" not in cell.printed
+
+
+def test_a_trajectory_is_checked_while_the_robot_stands(cell: Cell):
+    from irsbot_msgs.srv import CheckTrajectory
+    from trajectory_msgs.msg import JointTrajectoryPoint
+
+    def ask(*goals: tuple[float, ...]) -> CheckTrajectory.Response:
+        request = CheckTrajectory.Request()
+        request.trajectory.joint_names = list(NAMES)
+        for number, goal in enumerate(goals):
+            point = JointTrajectoryPoint(positions=goal)
+            point.time_from_start.sec = number
+            request.trajectory.points.append(point)
+        return cell.call(CheckTrajectory, "supervisor/check_trajectory", request)
+
+    near_by = GOOD[0] - 0.1, GOOD[1] + 0.1
+    safe = ask(GOOD, near_by)
+    assert safe.safe
+    assert math.isnan(safe.violation_time)
+    violated = ask(GOOD, NEAR)
+    assert not violated.safe
+    assert 0.0 < violated.violation_time <= 1.0
+    assert violated.violation_cause in (Cause.TYPE1, Cause.TYPE2)
+    assert violated.message
+    assert "positions" in ask(GOOD[:1], GOOD[:1]).message
+    cell.say = swinging(GOOD)
+    cell.wire.until(lambda: any(abs(rate) > 0.1 for rate in cell.states[-1].joint_velocity))
+    moving = ask(GOOD, near_by)
+    assert not moving.safe
+    assert "moving" in moving.message
+
+
+# --- time and company ----------------------------------------------------------------------------------------------
+
+
+def test_three_robots_side_by_side_are_each_judged_for_themselves(wire: Wire):
+    cells = [Cell(wire, f"robot_{number}") for number in (1, 2, 3)]
+    cells[1].say = resting(NEAR)
+    cells[2].say = lambda t: bad(t, position=(math.nan, math.nan))
+    wire.until(lambda: all(cell.states for cell in cells))
+    cells[0].heard_level(Level.OK)
+    stop, unknown = cells[1].heard_level(Level.STOP), cells[2].heard(lambda v: bool(v.causes & Cause.NONFINITE))[-1]
+    assert stop.latched
+    assert unknown.level == Level.UNKNOWN
+    assert not any(verdict.level == Level.OK for cell in cells[1:] for verdict in cell.verdicts)
+    assert not any(verdict.latched for cell in (cells[0], cells[2]) for verdict in cell.verdicts)
+    assert cells[1].reset(stop.event).message.startswith("the cause is still there")
+    assert cells[0].reset(stop.event).message.startswith("nothing to reset")
+
+
+def test_simulated_time_may_pause_and_start_again(wire: Wire):
+    from builtin_interfaces.msg import Time
+    from rosgraph_msgs.msg import Clock
+
+    cell = Cell(wire, use_sim_time=True)
+    clock = cell.node.create_publisher(Clock, "/clock", 10)
+    begin_ns, now_ns, running = 100 * 10**9, [100 * 10**9], [True]
+
+    def turn() -> None:
+        now_ns[0] += 2_000_000 * running[0]
+        sec, nanosec = divmod(now_ns[0], 10**9)
+        clock.publish(Clock(clock=Time(sec=sec, nanosec=nanosec)))
+
+    cell.node.create_timer(0.002, turn)
+    cell.clock = lambda: now_ns[0]
+    cell.heard_level(Level.OK)
+    wire.until(lambda: now_ns[0] > begin_ns + 10**9)
+
+    running[0] = False
+    paused = cell.heard_level(Level.UNKNOWN)
+    assert paused.causes == Cause.STALE
+    cell.say = lambda t: None
+    assert all(verdict.level == Level.UNKNOWN for verdict in cell.heard_many(20))  # the heart beats on
+    cell.say, running[0] = resting(GOOD), True
+    cell.heard_level(Level.OK)
+
+    for paused_before in (False, True):
+        running[0] = not paused_before
+        if paused_before:
+            cell.heard_level(Level.UNKNOWN)
+        now_ns[0], running[0] = begin_ns, True
+        looped_ns = time.monotonic_ns()
+        again = cell.heard(lambda v: v.level == Level.OK and begin_ns <= v.stamp_ns < begin_ns + 10**9)[-1]
+        assert again.since_ns - looped_ns <= 500_000_000  # both steady clock, which processes share
+        wire.until(lambda: now_ns[0] > begin_ns + 10**9)
+
+
+def test_diagnostics_have_one_status_per_check(cell: Cell):
+    from diagnostic_msgs.msg import DiagnosticArray
+
+    heard: list[dict[str, tuple[bytes, str]]] = []
+
+    def hear(message: DiagnosticArray) -> None:
+        heard.append({status.name.split(": ")[1]: (status.level, status.message) for status in message.status})
+
+    cell.node.create_subscription(DiagnosticArray, "/diagnostics", hear, 10)
+    checks = ("margins", "motion", "branch", "joint states", "velocities", "supervisor")
+    cell.wire.until(lambda: heard)
+    assert set(checks) <= set(heard[-1])
+    cell.wire.until(lambda: all(heard[-1][check] == (b"\x00", "OK") for check in checks))
+    cell.say = lambda t: bad(t, position=(math.nan, 0.0))
+    cell.wire.until(lambda: heard[-1]["joint states"][0] == b"\x03")
+    assert "nan" in heard[-1]["joint states"][1]
+    assert heard[-1]["margins"] == (b"\x00", "OK")
+
+
+def test_an_error_inside_is_an_unknown_verdict_and_the_node_goes_on(wire: Wire, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent / "helpers"), prepend=":")
+    cell = Cell(wire, module="fake_failing_mechanism")
+    cell.heard_level(Level.OK)
+    cell.say = going(GOOD, (3.0, GOOD[1]), time.time_ns(), 1.0)
+    failed = cell.heard(lambda verdict: bool(verdict.causes & Cause.INTERNAL), "INTERNAL")[-1]
+    assert failed.level == Level.UNKNOWN
+    assert "a fake error of the mechanism" in failed.text
+    assert not any(verdict.level == Level.OK for verdict in cell.heard_many(20))
+    cell.say = going((3.0, GOOD[1]), GOOD, time.time_ns(), 1.0)
+    cell.heard_level(Level.OK)
