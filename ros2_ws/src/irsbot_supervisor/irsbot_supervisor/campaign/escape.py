@@ -1,0 +1,152 @@
+"""Ways out of a stop through the command gate: away moves, toward is blocked, OK is reached, nothing chatters.
+
+A robot runs at a limit, past the gate, and is stopped. From where it stands velocity commands in many directions go
+through the gate, each for a while; then it is led along the escape direction until its margins are good again, and
+reset. What is away and what is toward is told by differences of the true margins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from copy import deepcopy
+
+import numpy as np
+
+from irsbot_kinematics import Robot
+from irsbot_msgs_py.records import Level
+from irsbot_supervisor.campaign.rows import Job, Row, Tally
+from irsbot_supervisor.campaign.truth import Array, good_postures, limits, margins_along, supervised
+from irsbot_supervisor.closed_loop import GuidedRobot
+from irsbot_supervisor.core.gate import DIP
+from irsbot_supervisor.core.policy import KINDS
+from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.settings_file import read_settings
+
+NAME = "escape"
+MUST = "away moves, toward is blocked, OK is reached, no chatter"
+
+DIRECTIONS = 16
+"""Commands that are tried from every stopped state."""
+TRIED_BEATS = 10
+"""Heartbeats for which each is tried."""
+SPEEDS = (0.3, 1.0)
+"""1: share of full speed with which a robot runs at a limit, lowest and highest."""
+RUN_BEATS = 200
+"""Heartbeats in which a run meets a limit or is given up."""
+REST_BEATS = 8
+"""Heartbeats in which dwell times pass and a slow robot comes to rest."""
+ESCAPE_BEATS = 1500
+"""Heartbeats in which a robot at recovery speed has crossed any margin."""
+CLEAR_SLOPE = 0.02
+"""1/rad or 1/m: directions in which a margin changes less than this are neither away nor toward."""
+PROBE = 1e-5
+"""rad or m: step of the differences."""
+BACK = 1.1
+"""1: share of the warning limits at which a robot counts as out."""
+MOST_TURNS = 8
+"""Judgements of a run into a stop and out of it: UNKNOWN, OK, warnings, STOP, and again after the reset."""
+
+
+def run(job: Job) -> Row:
+    """The row: a case is a stopped state, the same number for every robot."""
+    tally = Tally(NAME, job)
+    names = job.robots or supervised()
+    tally.figures.update({"away moved": 0.0, "toward blocked": 0.0, "reached OK": 0.0})
+    for k, name in enumerate(names):
+        rng = np.random.default_rng([job.seed, k])
+        settings, robot = read_settings(name)
+        for guided in stopped_robots(robot, settings, -(-job.amount // len(names)), rng):
+            unsafe, failed = _try_directions(guided, rng, tally)
+            failed = failed or _lead_out(deepcopy(guided), tally)
+            tally.case(f"{name}: {unsafe}" if unsafe else "", f"{name}: {failed}" if failed else "")
+    return tally.row()
+
+
+def stopped_robots(robot: Robot, settings: Settings, number: int, rng: np.random.Generator) -> Iterator[GuidedRobot]:
+    """Robots that ran at a limit and stand, latched."""
+    found = 0
+    while found < number:
+        for start in good_postures(robot, settings, number - found, rng):
+            guided = GuidedRobot(robot, settings, tuple(start.tolist()))
+            for _ in range(REST_BEATS):
+                guided.drift()
+            direction = rng.uniform(-1.0, 1.0, len(start))
+            speed = rng.uniform(*SPEEDS) * np.array(settings.velocity_limit)
+            rates = tuple((speed * direction / np.abs(direction).max()).tolist())
+            for _ in range(RUN_BEATS):
+                guided.rush(rates)
+                if guided.now.level >= Level.STOP:
+                    break
+            for _ in range(2 * REST_BEATS):
+                guided.drift()
+            if guided.now.latched and guided.now.level == Level.STOP and _kinds(guided):
+                found += 1
+                yield guided
+
+
+def _try_directions(guided: GuidedRobot, rng: np.random.Generator, tally: Tally) -> tuple[str, str]:
+    """Commands in all directions from a stopped state; what was unsafe, what else was wrong."""
+    settings, robot = guided.settings, guided.supervisor.robot
+    start, speed = np.array(guided.drives.now.position), np.array(settings.velocity_limit)
+    kinds = _kinds(guided)
+    unsafe = failed = ""
+    for _ in range(DIRECTIONS):
+        direction = rng.normal(size=len(start))
+        direction /= np.abs(direction).max()
+        tried = deepcopy(guided)
+        way = [start]
+        for _beat in range(TRIED_BEATS):
+            tried.beat(tuple((speed * direction).tolist()))
+            way.append(np.array(tried.drives.now.position))
+        found = margins_along(robot, settings, np.array(way))[:, kinds]
+        slopes = _slopes(robot, settings, start, direction)[kinds]
+        lost = float((found[0] - found).max())
+        tally.largest("most that was lost of a margin", lost)
+        if not lost <= DIP + PROBE:
+            unsafe = unsafe or f"a margin fell by {lost:.4f} on the way out"
+        if slopes.min() > CLEAR_SLOPE:
+            moved = bool(np.abs(way[-1] - start).max() > 0.0)
+            tally.add("away moved", float(moved))
+            failed = failed or ("" if moved else "motion away was held")
+        elif slopes.min() < -CLEAR_SLOPE:
+            tally.add("toward blocked", float(lost <= DIP + PROBE))
+    return unsafe, failed
+
+
+def _lead_out(guided: GuidedRobot, tally: Tally) -> str:
+    """Along the escape direction until the margins are good, then a reset. Returns what went wrong."""
+    settings, robot = guided.settings, guided.supervisor.robot
+    kinds = _kinds(guided)
+    rates = tuple(v * e for v, e in zip(settings.velocity_limit, guided.now.escape, strict=True))
+    enough = BACK * limits(settings, "warn")[kinds]
+    beats = 0
+    way = [np.array(guided.drives.now.position)]
+    while beats < ESCAPE_BEATS and not (margins_along(robot, settings, np.array(way))[-1, kinds] >= enough).all():
+        guided.beat(rates)
+        way.append(np.array(guided.drives.now.position))
+        beats += 1
+    for _ in range(REST_BEATS):
+        guided.beat((0.0,) * len(rates))
+    refusal = guided.reset()
+    for _ in range(REST_BEATS):
+        guided.drift()
+    out = not guided.now.latched and guided.now.level <= Level.WARN
+    tally.add("reached OK", float(out))
+    tally.largest("longest way out [s]", beats * settings.heartbeat_s)
+    tally.largest("most judgements", float(len(guided.turns)))
+    if not out:
+        return f"not out after {beats} heartbeats: {refusal or guided.now.level.name}"
+    return "" if len(guided.turns) <= MOST_TURNS else f"{len(guided.turns)} judgements"
+
+
+def _slopes(robot: Robot, settings: Settings, start: Array, direction: Array) -> Array:
+    """(4,) how the true margins change along a direction, 1/rad or 1/m; 0 where the robot has none."""
+    way = np.array([start - PROBE * direction, start, start + PROBE * direction])
+    found = margins_along(robot, settings, way)
+    found = np.where(np.isfinite(found), found, 0.0)
+    return np.asarray((found[2] - found[0]) / (2.0 * PROBE))
+
+
+def _kinds(guided: GuidedRobot) -> list[int]:
+    """The margins that the stop in force is about."""
+    return [index for index, kind in enumerate(KINDS) if guided.now.causes & int(kind)]
