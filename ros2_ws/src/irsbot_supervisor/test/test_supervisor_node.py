@@ -13,8 +13,18 @@ import pytest
 
 pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
+from builtin_interfaces.msg import Time
 from cell import GOOD, NAMES, NEAR, PATIENCE_S, Cell, Wire, going, resting, sample, swinging
+from diagnostic_msgs.msg import DiagnosticArray
+from irsbot_msgs.msg import Verdict as VerdictMessage
+from irsbot_msgs.srv import CheckTrajectory
 from lifecycle_msgs.msg import Transition
+from rclpy.duration import Duration
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectoryPoint
+from visualization_msgs.msg import Marker, MarkerArray
 
 from irsbot_msgs_py.records import Cause, JointSample, Level
 
@@ -235,9 +245,6 @@ def test_a_signal_ends_the_process_with_exit_code_0(wire: Wire, number: signal.S
 
 
 def test_a_trajectory_is_checked_while_the_robot_stands(cell: Cell):
-    from irsbot_msgs.srv import CheckTrajectory
-    from trajectory_msgs.msg import JointTrajectoryPoint
-
     def ask(*goals: tuple[float, ...]) -> CheckTrajectory.Response:
         request = CheckTrajectory.Request()
         request.trajectory.joint_names = list(NAMES)
@@ -283,9 +290,6 @@ def test_three_robots_side_by_side_are_each_judged_for_themselves(wire: Wire):
 
 
 def test_simulated_time_may_pause_and_start_again(wire: Wire):
-    from builtin_interfaces.msg import Time
-    from rosgraph_msgs.msg import Clock
-
     cell = Cell(wire, use_sim_time=True)
     clock = cell.node.create_publisher(Clock, "/clock", 10)
     begin_ns, now_ns, running = 100 * 10**9, [100 * 10**9], [True]
@@ -319,23 +323,78 @@ def test_simulated_time_may_pause_and_start_again(wire: Wire):
         wire.until(lambda: now_ns[0] > begin_ns + 10**9)
 
 
-def test_diagnostics_have_one_status_per_check(cell: Cell):
-    from diagnostic_msgs.msg import DiagnosticArray
+Statuses = list[dict[str, tuple[bytes, str]]]
+"""Level and sentence of every check, message after message."""
 
-    heard: list[dict[str, tuple[bytes, str]]] = []
+
+@pytest.fixture(scope="module")
+def diagnostics(shared: Cell) -> Statuses:
+    heard: Statuses = []
 
     def hear(message: DiagnosticArray) -> None:
         heard.append({status.name.split(": ")[1]: (status.level, status.message) for status in message.status})
 
-    cell.node.create_subscription(DiagnosticArray, "/diagnostics", hear, 10)
+    shared.node.create_subscription(DiagnosticArray, "/diagnostics", hear, 10)
+    return heard
+
+
+def test_diagnostics_have_one_status_per_check(cell: Cell, diagnostics: Statuses):
     checks = ("margins", "motion", "branch", "joint states", "velocities", "supervisor")
-    cell.wire.until(lambda: heard)
-    assert set(checks) <= set(heard[-1])
-    cell.wire.until(lambda: all(heard[-1][check] == (b"\x00", "OK") for check in checks))
+    cell.wire.until(lambda: diagnostics)
+    assert set(diagnostics[-1]) == {*checks, "joint states publishers", "verdict subscribers"}
+    cell.wire.until(lambda: all(diagnostics[-1][check] == (b"\x00", "OK") for check in checks))
     cell.say = lambda t: bad(t, position=(math.nan, 0.0))
-    cell.wire.until(lambda: heard[-1]["joint states"][0] == b"\x03")
-    assert "nan" in heard[-1]["joint states"][1]
-    assert heard[-1]["margins"] == (b"\x00", "OK")
+    cell.wire.until(lambda: diagnostics[-1]["joint states"][0] == b"\x03")
+    assert "nan" in diagnostics[-1]["joint states"][1]
+    assert diagnostics[-1]["margins"] == (b"\x00", "OK")
+
+
+def test_a_second_publisher_of_joint_states_is_reported_with_its_name(cell: Cell, diagnostics: Statuses):
+    cell.wire.until(lambda: diagnostics and diagnostics[-1]["joint states publishers"] == (b"\x00", "/robot"))
+    with cell.company("intruder") as intruder:
+        intruder.create_publisher(JointState, "joint_states", 10)
+        cell.wire.until(lambda: diagnostics[-1]["joint states publishers"][0] == b"\x01")
+        assert diagnostics[-1]["joint states publishers"][1] == "2 publishers, one is expected: /intruder, /robot"
+    cell.wire.until(lambda: diagnostics[-1]["joint states publishers"] == (b"\x00", "/robot"))
+
+
+def test_partners_that_ask_for_or_offer_another_quality_of_service_are_reported(cell: Cell, diagnostics: Statuses):
+    best_effort = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+    with cell.company("fieldbus") as fieldbus:
+        fieldbus.create_publisher(JointState, "joint_states", best_effort)
+        cell.wire.until(lambda: diagnostics and diagnostics[-1]["joint states publishers"][0] == b"\x02")
+        assert "not heard: /fieldbus" in diagnostics[-1]["joint states publishers"][1]
+        assert "reliable" in diagnostics[-1]["joint states publishers"][1]
+    with cell.company("drive") as drive:
+        deadline = QoSProfile(depth=1, deadline=Duration(seconds=1))  # nobody promised one
+        drive.create_subscription(VerdictMessage, "supervisor/verdict", lambda message: None, deadline)
+        cell.wire.until(lambda: diagnostics[-1]["verdict subscribers"][0] == b"\x02")
+        assert "do not hear the verdict: /drive" in diagnostics[-1]["verdict subscribers"][1]
+    cell.wire.until(lambda: diagnostics[-1]["verdict subscribers"][0] == b"\x00")
+    assert "not heard: /fieldbus" in cell.printed
+    assert "do not hear the verdict: /drive" in cell.printed
+
+
+def test_markers_show_level_margin_and_the_way_out(wire: Wire):
+    cell = Cell(wire, base_frame="cell")
+    drawn: list[MarkerArray] = []
+    cell.node.create_subscription(MarkerArray, "supervisor/markers", drawn.append, 1)
+    cell.heard_level(Level.OK)
+    wire.until(lambda: drawn and "OK" in drawn[-1].markers[1].text)
+    platform, text, arrow = drawn[-1].markers
+    assert {marker.header.frame_id for marker in (platform, text, arrow)} == {"cell"}
+    place = platform.pose.position
+    assert (place.x, place.y, place.z) == pytest.approx((0.0, 0.0, -0.85), abs=1e-9)
+    assert platform.color.g > platform.color.r
+    assert "stop 0.040" in text.text  # the constraint margin governs here
+    assert arrow.action == Marker.DELETE
+    cell.say = going(GOOD, NEAR, time.time_ns(), 1.0)
+    wire.until(lambda: drawn[-1].markers[2].action == Marker.ADD)
+    platform, text, arrow = drawn[-1].markers
+    assert platform.color.r > platform.color.g
+    assert text.text.startswith("STOP Type")
+    start, tip = arrow.points
+    assert tip.z - start.z > 0.5 * math.dist((start.x, start.z), (tip.x, tip.z))  # up, away from straight legs
 
 
 def test_an_error_inside_is_an_unknown_verdict_and_the_node_goes_on(wire: Wire, monkeypatch: pytest.MonkeyPatch):

@@ -9,6 +9,7 @@ from rclpy.node import Node
 from irsbot_msgs_py.records import Cause, Level, Verdict
 from irsbot_supervisor.core.pipeline import Supervisor
 from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.nodes.partners import Partners
 
 PERIOD_S = 1.0
 """s between diagnostic messages, the customary rate."""
@@ -34,8 +35,8 @@ _LEVELS = {
 class DiagnosticsPublisher:
     """Remembers the newest verdict and reports it, with the counts of rejected samples."""
 
-    def __init__(self, node: Node, settings: Settings) -> None:
-        self._node = node
+    def __init__(self, node: Node, settings: Settings, partners: Partners) -> None:
+        self._node, self._partners = node, partners
         self._hardware = settings.robot
         self._verdict: Verdict | None = None
         self._supervisor: Supervisor | None = None
@@ -64,5 +65,9 @@ class DiagnosticsPublisher:
             if check == "joint states":
                 rejected = supervisor.rejections.items()
                 status.values = [KeyValue(key=f"rejected {c.name}", value=str(n)) for c, n in rejected]
+            message.status.append(status)
+        for name, status_level, text in self._partners.look():
+            status = DiagnosticStatus(level=status_level, hardware_id=self._hardware, message=text)
+            status.name = f"{self._node.get_fully_qualified_name()}: {name}"
             message.status.append(status)
         self.publisher.publish(message)

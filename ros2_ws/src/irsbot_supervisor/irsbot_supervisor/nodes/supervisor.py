@@ -9,7 +9,7 @@ from typing import Any
 
 from irsbot_msgs.msg import SingularityState, Verdict
 from irsbot_msgs.srv import CheckTrajectory, ResetStop
-from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
@@ -29,7 +29,9 @@ from irsbot_supervisor.nodes.check import checked
 from irsbot_supervisor.nodes.diagnostics import DiagnosticsPublisher
 from irsbot_supervisor.nodes.gate import CommandGate
 from irsbot_supervisor.nodes.lifecycle import answer_every_request
+from irsbot_supervisor.nodes.markers import MarkersPublisher
 from irsbot_supervisor.nodes.parameters import changed_settings, declare_settings
+from irsbot_supervisor.nodes.partners import Partners
 
 STREAM = QoSProfile(depth=200, reliability=ReliabilityPolicy.RELIABLE)
 """Every sample counts; newest wins is a policy of the reader, not of the queue."""
@@ -45,6 +47,8 @@ class SupervisorNode(LifecycleNode):
         super().__init__("supervisor")
         answer_every_request(self)
         autostart = self.declare_parameter("autostart", True).value
+        described = ParameterDescriptor(description="frame of ~/markers", read_only=True)
+        self._frame = self.declare_parameter("base_frame", "base", described).value
         self._settings, self._robot = declare_settings(self)
         self._supervisor: Supervisor | None = None
         self._gate: CommandGate | None = None
@@ -66,9 +70,12 @@ class SupervisorNode(LifecycleNode):
         self._states = kept(publisher(SingularityState, "~/state", STREAM), self.destroy_publisher)
         self._verdicts = kept(publisher(Verdict, "~/verdict", LATCHED), self.destroy_publisher)
         self._journal = kept(publisher(String, "~/journal", JOURNAL), self.destroy_publisher)
-        self._diagnostics = DiagnosticsPublisher(self, self._settings)
+        self._diagnostics = DiagnosticsPublisher(self, self._settings, Partners(self))
         kept(self._diagnostics.publisher, self.destroy_publisher)
         kept(self._diagnostics.timer, self.destroy_timer)
+        self._markers = MarkersPublisher(self, self._robot, self._supervisor, self._frame)
+        kept(self._markers.publisher, self.destroy_publisher)
+        kept(self._markers.timer, self.destroy_timer)
         samples = self.create_subscription(JointState, "joint_states", self._on_sample, STREAM, raw=True)
         kept(samples, self.destroy_subscription)
         kept(self.create_service(ResetStop, "~/reset", self._on_reset), self.destroy_service)
@@ -173,8 +180,10 @@ class SupervisorNode(LifecycleNode):
             if step.state is not None:
                 spent = (time.monotonic_ns() - event.seen_ns) * 1e-9
                 self._states.publish(encode_state(step.state._replace(compute_time=spent)))
+                self._markers.state = step.state
             if step.verdict is not None:
                 self._verdicts.publish(encode_verdict(step.verdict))
+                self._markers.verdict = step.verdict
                 self._diagnostics.watch(step.verdict, supervisor)
             return step
         except Exception as error:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import rclpy
+import rclpy.node
 from irsbot_msgs.msg import SingularityState as StateMessage
 from irsbot_msgs.msg import Verdict as VerdictMessage
 from irsbot_msgs.srv import ResetStop
@@ -193,6 +195,15 @@ class Cell:
         request = ChangeState.Request()
         request.transition.id = transition
         return self.call(ChangeState, "supervisor/change_state", request).success
+
+    @contextmanager
+    def company(self, name: str) -> Iterator[rclpy.node.Node]:
+        """Another node on the domain, for a while."""
+        node = rclpy.create_node(name, context=self.wire.context)
+        try:
+            yield node
+        finally:
+            node.destroy_node()
 
     def _speak(self) -> None:
         said = self.say(self.clock())

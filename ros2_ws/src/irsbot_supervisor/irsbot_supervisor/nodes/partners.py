@@ -1,0 +1,72 @@
+"""Who is at the other end of joint states and verdicts, and whether they can be understood."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from diagnostic_msgs.msg import DiagnosticStatus
+from rclpy.node import Node
+from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
+from rclpy.topic_endpoint_info import TopicEndpointInfo
+
+
+class Finding(NamedTuple):
+    """One diagnostic status: its name, a level of DiagnosticStatus, and a sentence."""
+
+    name: str
+    level: bytes
+    text: str
+
+
+class Partners:
+    """Looks at the graph; logs what is new."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._before: list[Finding] = []
+
+    def look(self) -> list[Finding]:
+        """One finding per topic."""
+        samples, verdicts = map(self._node.resolve_topic_name, ("joint_states", "~/verdict"))
+        publishers, subscribers = self._node.get_publishers_info_by_topic, self._node.get_subscriptions_info_by_topic
+        asked, offered = self._ours(subscribers(samples)), self._ours(publishers(verdicts))
+        found = [_of_publishers(publishers(samples), asked), _of_subscribers(subscribers(verdicts), offered)]
+        for finding in found:
+            if finding.level != DiagnosticStatus.OK and finding not in self._before:
+                self._node.get_logger().warning(f"{finding.name}: {finding.text}")
+        self._before = found
+        return found
+
+    def _ours(self, ends: list[TopicEndpointInfo]) -> list[QoSProfile]:
+        """As the middleware completes it, not as it was asked for."""
+        us = self._node.get_fully_qualified_name()
+        return [end.qos_profile for end in ends if _name(end) == us]
+
+
+def _of_publishers(publishers: list[TopicEndpointInfo], asked: list[QoSProfile]) -> Finding:
+    name = "joint states publishers"
+    if mute := [text for end in publishers for qos in asked if (text := _mismatch(end, end.qos_profile, qos))]:
+        return Finding(name, DiagnosticStatus.ERROR, f"not heard: {'; '.join(mute)}")
+    if len(publishers) > 1:
+        who = ", ".join(sorted(map(_name, publishers)))
+        return Finding(name, DiagnosticStatus.WARN, f"{len(publishers)} publishers, one is expected: {who}")
+    if not publishers:
+        return Finding(name, DiagnosticStatus.WARN, "nobody publishes joint states")
+    return Finding(name, DiagnosticStatus.OK, _name(publishers[0]))
+
+
+def _of_subscribers(subscribers: list[TopicEndpointInfo], offered: list[QoSProfile]) -> Finding:
+    name = "verdict subscribers"
+    if deaf := [text for end in subscribers for qos in offered if (text := _mismatch(end, qos, end.qos_profile))]:
+        return Finding(name, DiagnosticStatus.ERROR, f"do not hear the verdict: {'; '.join(deaf)}")
+    return Finding(name, DiagnosticStatus.OK, ", ".join(sorted(map(_name, subscribers))) or "none")
+
+
+def _mismatch(end: TopicEndpointInfo, offered: QoSProfile, asked: QoSProfile) -> str:
+    """Who, and which policies do not fit; empty if all do."""
+    fits, why = qos_check_compatible(offered, asked)
+    return f"{_name(end)} ({why.replace('ERROR: ', '').rstrip('; ')})" if fits == QoSCompatibility.ERROR else ""
+
+
+def _name(end: TopicEndpointInfo) -> str:
+    return f"{end.node_namespace.rstrip('/')}/{end.node_name}"
