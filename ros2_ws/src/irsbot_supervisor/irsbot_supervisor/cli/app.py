@@ -7,7 +7,7 @@ import sys
 import typer
 
 from irsbot_kinematics import InvalidGeometry, KinematicsError, NotAssembled, Unreachable
-from irsbot_supervisor.cli import bags, bench, check, design, kinematics, map, replay, report, runs, settings
+from irsbot_supervisor.cli import bags, bench, check, design, kinematics, limits, map, mechanism, replay, report, runs, settings
 from irsbot_supervisor.cli.common import NUMBERS, Failed, err
 from irsbot_supervisor.core.motion import BadTrajectory
 from irsbot_supervisor.core.settings import InvalidSettings
@@ -30,9 +30,11 @@ app.command("dk", context_settings=NUMBERS)(kinematics.direct)
 app.command("evaluate")(kinematics.evaluate)
 app.command("replay")(replay.replay)
 app.command("check-trajectory")(check.check_trajectory)
+app.command("check-mechanism")(mechanism.check_mechanism)
 app.command("info")(bags.info)
 app.command("salvage")(bags.salvage)
 app.command("settings")(settings.settings)
+app.command("limits")(limits.limits)
 app.command("report")(report.report)
 app.command("bench")(bench.bench)
 app.command("map")(map.draw)

@@ -88,8 +88,18 @@ class Settings:
 def settings_from(values: Mapping[str, Any], robot: Robot) -> Settings:
     """Settings from a mapping (YAML, parameters, journal), completed for a robot and checked as a whole.
 
-    Empty names and modes become the robot's; one limit for all joints is repeated. Raises InvalidSettings naming
-    every fault.
+    Raises InvalidSettings naming every fault.
+    """
+    settings = completed(values, robot)
+    if faults := contradictions(settings, robot.mechanism):
+        raise InvalidSettings("; ".join(faults))
+    return settings
+
+
+def completed(values: Mapping[str, Any], robot: Robot) -> Settings:
+    """The same without asking whether the robot could be stopped in time.
+
+    Empty names and modes become the robot's; one limit for all joints is repeated. Raises InvalidSettings.
     """
     known = {entry.name: entry for entry in fields(Settings)}
     if unknown := sorted(set(values) - set(known), key=str):
@@ -102,9 +112,7 @@ def settings_from(values: Mapping[str, Any], robot: Robot) -> Settings:
     given["working_mode"] = given.get("working_mode") or robot.mechanism.usual_working_mode
     given["assembly_mode"] = given.get("assembly_mode") or robot.mechanism.usual_assembly_mode
     settings = Settings(**given)
-    if faults := (
-        _single_faults(settings, n) or _cross_faults(settings, robot) or contradictions(settings, robot.mechanism)
-    ):
+    if faults := _single_faults(settings, n) or _cross_faults(settings, robot):
         raise InvalidSettings("; ".join(faults))
     return settings
 

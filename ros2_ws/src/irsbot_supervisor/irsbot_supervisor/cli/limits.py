@@ -1,0 +1,121 @@
+"""`limits`: the threshold guide. Every limit of the supervision proposed for a machine, with the reason."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+import yaml
+from rich.table import Table
+
+from irsbot_kinematics import BadInput
+from irsbot_supervisor.cli.common import Failed, out, print_json
+from irsbot_supervisor.core.guide import Guide, Plant, propose
+from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.settings_file import robot_of, shipped_values
+
+FORCE_RATIO = 20.0 / 3.0
+"""Default: legs of a fast light robot carry some ten times the load anyway, in its accelerations."""
+
+RATE_HZ = 1000.0
+"""Default: joint states per second of a usual controller."""
+
+
+def limits(
+    robot: Annotated[str, typer.Argument(help="preset name or YAML file")],
+    speed: Annotated[str | None, typer.Option(help="fastest motion, rad/s or m/s; 12 or 12,12")] = None,
+    deceleration: Annotated[str | None, typer.Option(help="braking, rad/s2 or m/s2; 400 or 400,400")] = None,
+    latency: Annotated[float | None, typer.Option(help="s from the arrival of a sample to the first braking")] = None,
+    rate: Annotated[float, typer.Option(help="joint states per second")] = RATE_HZ,
+    encoder_resolution: Annotated[float | None, typer.Option(help="smallest step of a joint, rad or m")] = None,
+    encoder_offset: Annotated[float | None, typer.Option(help="largest error of a joint's zero, rad or m")] = None,
+    geometry_tolerance: Annotated[float | None, typer.Option(help="largest error of a leg, m")] = None,
+    force_ratio: Annotated[float, typer.Option(help="how many times the load a leg may carry")] = FORCE_RATIO,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="write the settings here, YAML")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
+) -> None:
+    """Propose every limit of the supervision and say why. What is not given is taken from the shipped settings.
+
+    Exit code 1 if the robot could not be stopped from its speed within its margins.
+
+    Example: irsbot limits irsbot2 --speed 12 --deceleration 400 --rate 500 -o mine.yaml
+    """
+    machine = robot_of(robot)
+    shipped = shipped_values(machine)
+
+    def given(name: str, value: float | None) -> float:
+        return float(shipped.get(name, getattr(Settings, name)) if value is None else value)
+
+    plant = Plant(
+        _numbers(speed, "--speed", shipped.get("velocity_limit")),
+        _numbers(deceleration, "--deceleration", shipped.get("deceleration_limit")),
+        given("latency_s", latency),
+        rate,
+        given("encoder_resolution", encoder_resolution),
+        given("encoder_offset", encoder_offset),
+        given("geometry_tolerance_m", geometry_tolerance),
+        force_ratio,
+    )
+    guide = propose(machine, robot, plant)
+    if as_json:
+        print_json(
+            {
+                "settings": {"robot": robot, **{one.name: one.value for one in guide.proposals}},
+                "reasons": {one.name: one.why for one in guide.proposals},
+                "stopping": [row._asdict() for row in guide.stopping],
+                "all_joints_together": guide.together,
+                "contradiction": guide.fault,
+            }
+        )
+    else:
+        _print(guide)
+    if guide.fault:
+        raise Failed(guide.fault)
+    if output is not None:
+        output.write_text(settings_text(robot, guide), encoding="utf-8")
+        if not as_json:
+            out.print(f"written to {output}")
+
+
+def settings_text(robot: str, guide: Guide) -> str:
+    """The proposed settings as a YAML file, each with its reason."""
+    lines = ["# Proposed by `irsbot limits`; units and meanings: irsbot settings", f"robot: {_yaml(robot)}"]
+    lines += [f"{name}: {_yaml(value)}  # {why}" for name, value, why in guide.proposals]
+    return "\n".join(lines) + "\n"
+
+
+def _yaml(value: Any) -> str:
+    plain = list(value) if isinstance(value, tuple) else value
+    return yaml.safe_dump(plain, default_flow_style=True, width=10_000).splitlines()[0]
+
+
+def _print(guide: Guide) -> None:
+    table = Table("setting", "value", "why")
+    for one in guide.proposals:
+        value = ", ".join(f"{number:g}" for number in one.value) if isinstance(one.value, tuple) else f"{one.value:g}"
+        table.add_row(one.name, value, one.why)
+    out.print(table)
+    table = Table("joint", "needs to stop", "platform meanwhile", "room at its best", "of the speed", "ends at")
+    for row in guide.stopping:
+        table.add_row(
+            row.joint,
+            f"{row.needs:.3g} {row.unit}",
+            f"{row.platform_m:.3g} m" if row.platform_m == row.platform_m else "-",
+            f"{row.room:.3g} {row.unit}",
+            f"{row.share:.0%}",
+            f"{row.margin}_stop" if row.margin else "-",
+        )
+    out.print(table)
+    out.print(f"all joints at once, in the worst combination: {guide.together:.0%} of the speed could be stopped")
+
+
+def _numbers(text: str | None, option: str, shipped: object) -> tuple[float, ...]:
+    if text is None:
+        if not isinstance(shipped, (list, tuple)):
+            raise BadInput(f"this robot has no shipped settings: give {option}")
+        return tuple(float(value) for value in shipped)
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise BadInput(f"{option} is one number for all joints, or one each as in 12,12; got '{text}'") from None

@@ -1,0 +1,272 @@
+"""Limits proposed from what is known of a machine: speed, brakes, latency, rate, encoders, forces. docs/limits.md says
+the same in prose."""
+
+from __future__ import annotations
+
+from itertools import product
+from math import ceil, floor, hypot, inf, log10, nan
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from irsbot_kinematics import Mechanism, Posture, Robot
+from irsbot_kinematics.mechanism import Floats
+from irsbot_supervisor.core.assess import SOLVED, margins_of, slopes
+from irsbot_supervisor.core.limits import KINDS, alone, contradictions
+from irsbot_supervisor.core.outlook import floor_of, position_error
+from irsbot_supervisor.core.room import candidates, postures, room
+from irsbot_supervisor.core.settings import LEAST_LIMIT, InvalidSettings, Settings, completed
+
+SAFETY = 2.0
+"""1: errors may be this many times larger than what is stated, for play and elasticity, which nobody states."""
+
+STEEP = 90
+"""Per cent of the postures next to a limit at which the margin is less steep than what is counted with."""
+
+NEIGHBOURS = 64
+"""Postures next to a limit from which errors and slopes of a margin are taken."""
+
+LOST = 2
+"""Samples in a row that may get lost without consequence."""
+
+LATE_S = 0.02
+"""s by which an ordinary kernel and network deliver late now and then. A real-time system may set stale_s lower."""
+
+HEARTBEAT_S = (0.002, 0.02)
+"""s: a shorter heartbeat only makes traffic, a longer one is no heartbeat (50 Hz)."""
+
+LEAST_HYSTERESIS = 0.02
+"""1: below that a warning flickers with the motion itself."""
+
+LEAST_STANDSTILL = 1e-3
+"""rad/s or m/s: what control loops move a standing joint by, even where encoders are perfect."""
+
+MOST = 8.0
+"""Times the velocity limits: as far as room is looked for."""
+
+
+class Plant(NamedTuple):
+    """What has to be known of a machine beyond its geometry."""
+
+    speed: Floats  # rad/s or m/s, one per joint or one for all
+    deceleration: Floats  # rad/s2 or m/s2
+    latency_s: float  # from the arrival of a sample to the first braking
+    rate_hz: float  # samples per second
+    encoder_resolution: float  # rad or m
+    encoder_offset: float  # rad or m
+    geometry_tolerance_m: float
+    force_ratio: float  # how many times the load a leg may carry
+
+
+class Proposal(NamedTuple):
+    """One setting, and the reason for its value."""
+
+    name: str
+    value: Any
+    why: str
+
+
+class Stopping(NamedTuple):
+    """How far a joint, alone and at its full speed, goes until it stands, and how far it could. Both count from the
+    last sample, one period before the next."""
+
+    joint: str
+    unit: str
+    needs: float  # rad or m until standstill
+    platform_m: float  # m that the platform goes meanwhile, from the roomiest posture; NaN if it gets lost on the way
+    room: float  # rad or m that the stop limits leave there
+    margin: str  # the one that ends it; empty if nothing does up to MOST times the speed
+    share: float  # of the velocity limit that could be stopped
+
+
+class Guide(NamedTuple):
+    """Proposed settings, their reasons, and whether they hold together."""
+
+    proposals: list[Proposal]
+    stopping: list[Stopping]
+    together: float  # share of all velocity limits at once, in the worst combination, that could be stopped
+    fault: str  # empty, or why the limits contradict each other
+
+
+class _Near(NamedTuple):
+    """Postures next to a limit of one margin: the largest error, and the slopes of a steep one."""
+
+    error: float
+    steep: Floats  # 1/rad or 1/m
+
+
+def propose(robot: Robot, name: str, plant: Plant) -> Guide:
+    """Limits for a machine. name: how the settings call the robot. Raises InvalidSettings for numbers that are none."""
+    base, mechanism = _base(robot, name, plant), robot.mechanism
+    tops = postures(base, mechanism).margins.max(axis=0, initial=-inf)
+    ratio = plant.force_ratio
+    forces = [top / ratio if kind == "constraint" else 1.0 / ratio for kind, top in zip(KINDS, tops, strict=True)]
+    nears = _near(base, mechanism, forces)
+    proposals = _copied(base)
+    for kind, top, force, near in zip(KINDS, tops, forces, nears, strict=True):
+        if 0.0 < top < inf:
+            stop = _stop(kind, float(top), force, near, ratio)
+            proposals += [stop, _warn(kind, stop.value, float(top), near, base, plant)]
+    proposals += [*_times(base, mechanism, plant), _standstill(plant)]
+    proposals.append(_hysteresis(base, plant, proposals, nears))
+    settings = completed({"robot": name, **{one.name: one.value for one in proposals}}, robot)
+    faults = contradictions(settings, mechanism)
+    return Guide(proposals, *_stopping(settings, mechanism, plant), "; ".join(faults))
+
+
+def _base(robot: Robot, name: str, plant: Plant) -> Settings:
+    """Settings with the machine's numbers and the smallest limits."""
+    for what, value, low, high in (
+        ("rate", plant.rate_hz, 1.0, 20000.0),
+        ("force ratio", plant.force_ratio, 1.01, 1.0 / LEAST_LIMIT),
+    ):
+        if not low <= value <= high:
+            raise InvalidSettings(f"the {what} is {value!r}, must be in {low:g}..{high:g}")
+    values: dict[str, Any] = {f"{kind}_{which}": LEAST_LIMIT for kind in KINDS for which in ("stop", "warn")}
+    values |= {"velocity_limit": plant.speed, "deceleration_limit": plant.deceleration, "latency_s": plant.latency_s}
+    values |= {"encoder_resolution": plant.encoder_resolution, "encoder_offset": plant.encoder_offset}
+    return completed({"robot": name, **values, "geometry_tolerance_m": plant.geometry_tolerance_m}, robot)
+
+
+def _near(base: Settings, mechanism: Mechanism, limits: list[float]) -> list[_Near]:
+    """For each margin, what is found next to its limit where the other limits are kept."""
+    cloud, found = postures(base, mechanism), []
+    kept = cloud.joints[(cloud.margins >= limits).all(axis=1)]
+    margins = cloud.margins[(cloud.margins >= limits).all(axis=1)]
+    for kind in range(len(KINDS)):
+        rows = kept[np.argsort(margins[:, kind], kind="stable")[:NEIGHBOURS]]
+        solved = [mechanism.posture(tuple(row.tolist()), base.assembly_mode) for row in rows]
+        found.append(_next_to([at for at in solved if at.status == SOLVED], base, mechanism, kind))
+    return found
+
+
+def _next_to(places: list[Posture], base: Settings, mechanism: Mechanism, kind: int) -> _Near:
+    if not places or margins_of(places[0])[kind] == inf:
+        return _Near(0.0, (0.0,) * len(mechanism.joints))
+    reach = [position_error(base)] * len(mechanism.joints)
+    slack = base.geometry_tolerance_m
+    errors = [margins_of(at)[kind] - floor_of(mechanism.guarantee(at, reach, slack))[kind] for at in places]
+    steep = [tuple(map(abs, slopes(mechanism, at, kind))) for at in places]
+    steep.sort(key=lambda slope: sum(s * v for s, v in zip(slope, base.velocity_limit, strict=True)))
+    return _Near(max(errors), steep[STEEP * len(steep) // 100])
+
+
+def _copied(base: Settings) -> list[Proposal]:
+    reasons = {
+        "velocity_limit": "as given: the fastest motion for which stopping is computed",
+        "deceleration_limit": "as given: what every drive brakes with, loaded and warm, at any time",
+        "latency_s": "as given: from the arrival of a sample to the first braking",
+        "encoder_resolution": "as given: half of it may be wrong in every position",
+        "encoder_offset": "as given: error of a joint's zero",
+        "geometry_tolerance_m": "as given: error of a leg's length and place",
+    }
+    return [Proposal(key, getattr(base, key), why) for key, why in reasons.items()]
+
+
+def _stop(kind: str, top: float, force: float, near: _Near, ratio: float) -> Proposal:
+    """What forces allow, or what errors need."""
+    need = SAFETY * near.error
+    value = _up(max(force, need, LEAST_LIMIT))
+    errors = f"encoder and geometry errors change it by up to {near.error:.2g}"
+    if need > force:
+        return Proposal(f"{kind}_stop", value, f"{errors}, and {SAFETY:g} times that has to be left")
+    reason = {
+        "type1": f"at {force:.3g} a motor runs {ratio:.3g} times as fast as at best while the platform does not",
+        "type2": f"at {force:.3g} a leg carries up to {ratio:.3g} times the force on the platform",
+        "constraint": f"{force:.3g} is the largest, {top:.3g}, over {ratio:.3g}: rods carry that many times more there",
+        "limb": f"at {force:.3g} the joints of a limb carry {ratio:.3g} times what they carry at best",
+    }[kind]
+    return Proposal(f"{kind}_stop", value, f"{reason}; {errors}")
+
+
+def _warn(kind: str, stop: float, top: float, near: _Near, base: Settings, plant: Plant) -> Proposal:
+    """STOP counts with braking already; a warning comes so much earlier that somebody can slow down by himself."""
+    delay_s = plant.latency_s + 1.0 / plant.rate_hz
+    lost = delay_s * sum(slope * speed for slope, speed in zip(near.steep, base.velocity_limit, strict=True))
+    half = max(0.5 * (top - stop), 0.0)
+    why = f"in {delay_s * 1e3:.3g} ms, one period and latency_s, the end of the braking path loses {lost:.2g} with all "
+    why += "joints at full speed: who heeds the warning by then is not stopped"
+    if lost > half:
+        why += f"; cut to half way from the stop limit to the largest value, {top:.3g}"
+    return Proposal(f"{kind}_warn", _up(stop + min(lost, half)), why)
+
+
+def _times(base: Settings, mechanism: Mechanism, plant: Plant) -> list[Proposal]:
+    period_s = 1.0 / plant.rate_hz
+    stale = _up((LOST + 2) * period_s + LATE_S)
+    ways = [f"{v * stale:.3g} {joint.unit}" for v, joint in zip(base.velocity_limit, mechanism.joints, strict=True)]
+    unseen = " and ".join(dict.fromkeys(ways))
+    spared = f"{LOST} lost samples, {period_s * 1e3:.3g} ms apart, and {LATE_S * 1e3:g} ms of delay go unpunished"
+    heartbeat = min(max(plant.latency_s, HEARTBEAT_S[0]), HEARTBEAT_S[1])
+    low, high = (1e3 * limit for limit in HEARTBEAT_S)
+    return [
+        Proposal("stale_s", stale, f"{spared}; joints at full speed go {unseen} unseen in that time"),
+        Proposal("age_limit_s", stale, "as stale_s: an older stamp says as little about the present as silence"),
+        Proposal(
+            "heartbeat_s",
+            heartbeat,
+            f"as latency_s, within {low:g}..{high:g} ms: silence is noticed as fast as an order takes effect",
+        ),
+    ]
+
+
+def _standstill(plant: Plant) -> Proposal:
+    step = SAFETY * plant.encoder_resolution * plant.rate_hz
+    why = f"a resting encoder that flickers by one step seems to move at up to {step:.3g}: {SAFETY:g} steps in a period"
+    if step < LEAST_STANDSTILL:
+        why += f"; not below {LEAST_STANDSTILL:g}, what control loops move a standing joint by"
+    return Proposal("standstill_speed", min(_up(max(step, LEAST_STANDSTILL)), 10.0), why)
+
+
+def _hysteresis(base: Settings, plant: Plant, proposals: list[Proposal], nears: list[_Near]) -> Proposal:
+    """Noise of the margin at the end of the braking path, as a share of its warning limit: one encoder step in the
+    position, and in the speed one step per period, whose share in the stop distance is latency_s + v/a."""
+    warns = {one.name: one.value for one in proposals}
+    step, worst = base.encoder_resolution, 0.0
+    for kind, near in zip(KINDS, nears, strict=True):
+        noise = sum(
+            slope * step * (1.0 + plant.rate_hz * (base.latency_s + speed / brake))
+            for slope, speed, brake in zip(near.steep, base.velocity_limit, base.deceleration_limit, strict=True)
+        )
+        worst = max(worst, SAFETY * noise / warns.get(f"{kind}_warn", inf))
+    why = f"{SAFETY:g} times what one encoder step moves a warning limit by is {worst:.2g} of it"
+    if worst < LEAST_HYSTERESIS:
+        why += f"; not below {LEAST_HYSTERESIS:g}, or the warning flickers with the motion"
+    return Proposal("hysteresis", min(_up(max(worst, LEAST_HYSTERESIS)), 1.0), why)
+
+
+def _stopping(settings: Settings, mechanism: Mechanism, plant: Plant) -> tuple[list[Stopping], float]:
+    count, ahead_s = len(mechanism.joints), 1.0 / plant.rate_hz
+    places = list(candidates(settings, mechanism))
+    rows = []
+    for k, joint in enumerate(mechanism.joints):
+        speed, brake = settings.velocity_limit[k], settings.deceleration_limit[k]
+        needs = speed * (settings.latency_s + ahead_s + 0.5 * speed / brake)
+        if not places:
+            rows.append(Stopping(settings.joint_names[k], joint.unit, needs, nan, 0.0, "all", 0.0))
+            continue
+        found = room(settings, mechanism, places, alone(k, count), ahead_s, MOST)
+        way = _platform_way(mechanism, found.at, k, needs)
+        margin = KINDS[found.kind] if found.kind >= 0 else ""
+        has = (settings.joint_names[k], joint.unit, needs, way, abs(found.travel[k]), margin, found.share)
+        rows.append(Stopping(*has))
+    corners = [tuple(corner) for corner in product((1.0, -1.0), repeat=count)]
+    together = room(settings, mechanism, places, corners, ahead_s, MOST).share if places else 0.0
+    return rows, together
+
+
+def _platform_way(mechanism: Mechanism, at: Posture, joint: int, travel: float) -> float:
+    """m from one end to the other while one joint moves from a posture, the longer of both directions."""
+    ways = []
+    for sign in (1.0, -1.0):
+        moved = tuple([q + sign * travel if k == joint else q for k, q in enumerate(at.joints)])
+        there = mechanism.posture(moved, at.assembly_mode)
+        pairs = zip(there.pose, at.pose, mechanism.task, strict=True)
+        ways.append(hypot(*[a - b for a, b, axis in pairs if not axis.is_angle]))
+    return max(ways) if all(way == way for way in ways) else nan
+
+
+def _up(value: float) -> float:
+    """Rounded up to two digits."""
+    unit = 10.0 ** (floor(log10(value)) - 1)
+    return float(f"{ceil(value / unit - 1e-9) * unit:.12g}")
