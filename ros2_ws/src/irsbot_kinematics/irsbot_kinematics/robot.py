@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import acos, isfinite
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -43,10 +44,18 @@ class Robot:
     Modes left out mean the robot's usual ones.
     """
 
-    def __init__(self, mechanism: Mechanism, name: str = "", description: str = "") -> None:
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        name: str = "",
+        description: str = "",
+        supervision: Mapping[str, Any] | None = None,
+    ) -> None:
+        """supervision: settings of the supervisor that belong to this machine; nothing here reads them."""
         self.mechanism = mechanism
         self.name = name or mechanism.kind
         self.description = description
+        self.supervision = dict(supervision or {})
 
     def __repr__(self) -> str:
         return f"Robot('{self.name}', {self.mechanism.geometry})"
@@ -224,7 +233,7 @@ def _table(values: ArrayLike, columns: int, what: str) -> Array:
 
 
 def _robot(said: RobotFile) -> Robot:
-    return Robot(said.mechanism, said.name, said.description)
+    return Robot(said.mechanism, said.name, said.description, said.supervision)
 
 
 def make_robot(name: str, **geometry: float | Sequence[float]) -> Robot:

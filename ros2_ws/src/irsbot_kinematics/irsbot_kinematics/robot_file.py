@@ -1,10 +1,11 @@
 """Robots as YAML: a topology, its lengths with their sources, and the modes it usually runs in.
 
-mechanism: irsbot2
+mechanism: irsbot2    # or a class of the user's, see `topologies`
 description: one line
 geometry:
   l1: {value: 0.375, source: "where the number comes from"}    # or a list of numbers, where the topology has one
 usual: {working_mode: [1, -1], assembly_mode: -1}
+supervision: {velocity_limit: [12.0], deceleration_limit: [400.0]}    # for irsbot_supervisor, which checks it
 """
 
 from __future__ import annotations
@@ -23,9 +24,10 @@ import yaml
 from irsbot_kinematics.errors import BadInput, InvalidGeometry, UnknownRobot
 from irsbot_kinematics.mechanism import Mechanism
 from irsbot_kinematics.mechanisms import TOPOLOGIES
+from irsbot_kinematics.topologies import built, topology
 
 Number = float | tuple[float, ...]
-_KEYS = {"mechanism", "description", "geometry", "usual"}
+_KEYS = {"mechanism", "description", "geometry", "usual", "supervision"}
 
 
 @dataclass(frozen=True)
@@ -36,6 +38,8 @@ class RobotFile:
     description: str
     sources: Mapping[str, str]
     mechanism: Mechanism
+    supervision: Mapping[str, Any]
+    """Settings of the supervisor that belong to this machine, as they stand in the file."""
 
 
 def preset_names() -> tuple[str, ...]:
@@ -82,22 +86,25 @@ def _parse(name: str, text: str, where: str, overrides: Mapping[str, Any]) -> Ro
         raise BadInput(f"{where}: expected a mapping with the keys {', '.join(sorted(_KEYS))}")
     if unknown := set(said) - _KEYS:
         raise BadInput(f"{where}: unknown key '{sorted(map(str, unknown))[0]}'; known are {', '.join(sorted(_KEYS))}")
-    kind = said.get("mechanism")
-    if not isinstance(kind, str) or kind not in TOPOLOGIES:
-        raise BadInput(f"{where}: mechanism is '{kind}'; known are {', '.join(TOPOLOGIES)}")
-    topology = TOPOLOGIES[kind]
+    try:
+        found = topology(said.get("mechanism"), Path(where).parent)
+    except BadInput as error:
+        raise BadInput(f"{where}: {error}") from None
+    kind = found.mechanism.kind
     numbers, sources = _numbers(said["geometry"], where)
-    known = [field.name for field in fields(topology.geometry)]
+    known = [field.name for field in fields(found.geometry)]
     for key in (*numbers, *overrides):
         if key not in known:
             raise InvalidGeometry(f"{where}: {kind} has no '{key}'; it has {', '.join(known)}")
     given = numbers | {key: _number(value, f"{where}: {key}") for key, value in overrides.items()}
-    if missing := [f.name for f in fields(topology.geometry) if f.name not in given and f.default is MISSING]:
+    if missing := [f.name for f in fields(found.geometry) if f.name not in given and f.default is MISSING]:
         raise InvalidGeometry(f"{where}: geometry lacks {', '.join(missing)}")
-    geometry = topology.geometry(**given)
-    mechanism = topology.mechanism(geometry)  # type: ignore[call-arg]
+    supervision = said.get("supervision", {})
+    if not isinstance(supervision, dict):
+        raise BadInput(f"{where}: supervision is {supervision!r}; it must be a mapping of settings")
+    mechanism = built(found, given)
     _set_usual(mechanism, said.get("usual", {}), where)
-    return RobotFile(name, str(said.get("description", "")), sources, mechanism)
+    return RobotFile(name, str(said.get("description", "")), sources, mechanism, supervision)
 
 
 def _numbers(geometry: Mapping[str, Any], where: str) -> tuple[dict[str, Number], dict[str, str]]:

@@ -7,8 +7,8 @@ from dataclasses import asdict
 from typing import Any
 
 from irsbot_kinematics.errors import BadInput
-from irsbot_kinematics.mechanisms import TOPOLOGIES
 from irsbot_kinematics.robot import Robot
+from irsbot_kinematics.topologies import built, reference, referenced
 
 
 def robot_record(robot: Robot) -> dict[str, Any]:
@@ -16,7 +16,7 @@ def robot_record(robot: Robot) -> dict[str, Any]:
     mechanism = robot.mechanism
     return {
         "name": robot.name,
-        "mechanism": mechanism.kind,
+        **reference(mechanism),
         "geometry": asdict(mechanism.geometry),
         "working_mode": list(mechanism.usual_working_mode),
         "assembly_mode": mechanism.usual_assembly_mode,
@@ -24,11 +24,12 @@ def robot_record(robot: Robot) -> dict[str, Any]:
 
 
 def robot_from_record(said: Mapping[str, Any]) -> Robot:
-    """The robot of a record. Raises BadInput for a malformed one, InvalidGeometry for impossible lengths."""
+    """The robot of a record. Raises BadInput for a malformed one and for a mechanism that is not as it was recorded,
+    InvalidGeometry for impossible lengths."""
     try:
-        topology = TOPOLOGIES[said["mechanism"]]
+        found = referenced(said)
         lengths = {key: tuple(v) if isinstance(v, list) else v for key, v in said["geometry"].items()}
-        mechanism = topology.mechanism(topology.geometry(**lengths))  # type: ignore[call-arg]
+        mechanism = built(found, lengths)
         mechanism.usual_working_mode = tuple(said["working_mode"])
         mechanism.usual_assembly_mode = int(said["assembly_mode"])
         return Robot(mechanism, str(said["name"]))

@@ -384,6 +384,9 @@ def test_a_far_goal_is_reached_in_proved_steps_or_refused_and_never_guessed(name
             np.testing.assert_allclose(ahead.pose, at.pose, atol=1e-9)
     assert {Status.SOLVED, Status.SINGULAR} <= set(statuses)
     assert robot.mechanism.track((float("nan"),) * len(q), start).status == Status.INVALID
+    turned = robot.mechanism.track(tuple(value + 2 * pi for value in q), start)
+    assert turned.joints == tuple(value + 2 * pi for value in q), "a crank that its encoder counts a turn farther"
+    np.testing.assert_allclose(turned.pose, start.pose, atol=EXACT)
     nowhere = robot.mechanism.track(q, robot.mechanism.track((float("nan"),) * len(q), start))
     assert nowhere.status == Status.SOLVED, "without a neighbour the usual label is looked up"
 

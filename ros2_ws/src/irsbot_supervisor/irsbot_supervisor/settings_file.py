@@ -19,13 +19,13 @@ def robot_of(name: str) -> Robot:
 
 
 def shipped_values(robot: Robot) -> dict[str, Any]:
-    """The shipped settings of a robot, or those of its topology's default."""
+    """The settings that come with a robot: its own file's over the shipped ones, or those of its topology's default."""
     folder = resources.files("irsbot_supervisor").joinpath("settings")
     for name in (robot.name, robot.mechanism.kind):
         file = folder.joinpath(f"{name}.yaml")
         if file.is_file():
-            return _mapping(file.read_text(encoding="utf-8"), f"{name}.yaml")
-    return {}
+            return {**_mapping(file.read_text(encoding="utf-8"), f"{name}.yaml"), **robot.supervision}
+    return dict(robot.supervision)
 
 
 def read_settings(robot_name: str, changes: Mapping[str, Any] | None = None) -> tuple[Settings, Robot]:

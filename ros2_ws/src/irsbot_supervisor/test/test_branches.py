@@ -10,7 +10,7 @@ from irsbot_msgs_py.records import Level
 from irsbot_supervisor.core.certify import certify
 
 START, WAY = np.array([1.4268, -3.1222, -0.3313]), np.array([0.4916, 1.0, -0.8101])
-"""rad: joints of the rrr3_base and a way of 0.8 rad on which assembly mode -1 becomes another label, far from Type 2."""
+"""rad: joints of the rrr3_base and a way of 0.8 rad on which label -1 becomes another one, far from Type 2."""
 LABEL, FAR_RAD, STEPS = -1, 0.8, 800
 
 

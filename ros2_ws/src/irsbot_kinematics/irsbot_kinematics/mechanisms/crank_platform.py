@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from math import cos, hypot, inf, isfinite, nan, sin, sqrt
+from math import cos, hypot, inf, isfinite, nan, pi, remainder, sin, sqrt, tau
 from operator import add, mul, neg, sub
 from typing import Any, ClassVar, NamedTuple
 
@@ -184,13 +184,15 @@ class CrankPlatform(TurningPlatform):
 
         A step counts only with a proof: the box of guarantees.displacement_and_turn holds exactly one solution, and
         det A keeps its sign in it, because the inequality's right side contracts there. Steps that are too long are
-        halved along the straight way; after HALVINGS the branch counts as lost, SINGULAR.
+        halved along the straight way, the shorter one round a crank; after HALVINGS the branch is lost, SINGULAR.
         """
         if previous.status != Status.SOLVED:
             return self.posture(joints, previous.assembly_mode or self.usual_assembly_mode)
-        goal = tuple(joints)
-        if not all(map(isfinite, goal)):
-            return super().posture(goal, previous.assembly_mode)
+        asked = tuple(joints)
+        if not all(map(isfinite, asked)):
+            return super().posture(asked, previous.assembly_mode)
+        pairs = zip(asked, previous.joints, strict=True)
+        goal = tuple([q if abs(q - p) <= pi else p + remainder(q - p, tau) for q, p in pairs])
         at, length, left = previous, 1.0, 1.0
         while left > 0.0:
             share = min(length / left, 1.0)
@@ -201,8 +203,8 @@ class CrankPlatform(TurningPlatform):
             elif length > 0.5**HALVINGS:
                 length *= 0.5
             else:
-                return self._undetermined(Status.SINGULAR, goal, (0.0, self._size))
-        return at
+                return self._undetermined(Status.SINGULAR, asked, (0.0, self._size))
+        return at if goal == asked else at._replace(joints=asked)
 
     def _follow(self, joints: Floats, at: Posture) -> Posture | None:
         """One proved step, or None: first order, steps with the screws of `at`, then Newton steps."""

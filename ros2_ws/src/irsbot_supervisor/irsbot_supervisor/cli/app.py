@@ -7,7 +7,20 @@ import sys
 import typer
 
 from irsbot_kinematics import InvalidGeometry, KinematicsError, NotAssembled, Unreachable
-from irsbot_supervisor.cli import bags, bench, check, design, kinematics, limits, map, mechanism, replay, report, runs, settings
+from irsbot_supervisor.cli import (
+    bags,
+    bench,
+    check,
+    design,
+    kinematics,
+    limits,
+    map,
+    mechanism,
+    replay,
+    report,
+    runs,
+    settings,
+)
 from irsbot_supervisor.cli.common import NUMBERS, Failed, err
 from irsbot_supervisor.core.motion import BadTrajectory
 from irsbot_supervisor.core.settings import InvalidSettings

@@ -1,0 +1,101 @@
+"""Does a mechanism keep the laws on which supervision stands? Values in, values out.
+
+The laws compare what a mechanism says with something else that it says: derivatives with differences, bounds with
+samples, one posture with many. They cannot know what machine was meant: give the lengths of a posture that you have
+measured to `Robot.direct` once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from irsbot_kinematics.conformance import margins, motion
+from irsbot_kinematics.conformance.samples import Check, Law, Machine
+from irsbot_kinematics.robot import Robot
+
+__all__ = ["JOINTS", "LAWS", "Check", "conformance"]
+
+JOINTS = 150
+"""Random joint positions that are tried, each in every assembly mode."""
+
+LEAST_POSTURES = 10
+"""Regular postures without which nothing is proved."""
+
+
+class _Entry(NamedTuple):
+    name: str
+    law: Law
+    allowed: float
+    unit: str
+
+
+DIFFERENCES = 1e-6
+"""1: five-point differences err by far less at regular postures."""
+ROUNDING = 1e-9
+"""m or 1: rounding errs by far less, a wrong formula by far more."""
+LAWS: tuple[_Entry, ...] = (
+    _Entry("inverse closes", motion.inverse_closes, ROUNDING, "m"),
+    _Entry("inverse keeps its mode", motion.inverse_keeps_mode, 0.0, "1"),
+    _Entry("direct gives back", motion.direct_gives_back, 1e-7, "m, rad"),
+    _Entry("direct closes", motion.direct_closes, ROUNDING, "m"),
+    _Entry("Jacobian by pose", motion.jacobian_pose, DIFFERENCES, "1, m"),
+    _Entry("Jacobian by joints", motion.jacobian_joints, DIFFERENCES, "m/rad, 1"),
+    _Entry("inverse rates", motion.inverse_rates, DIFFERENCES, "m/s"),
+    _Entry("direct rates and bias", motion.direct_rates, 1e-5, "m/s, m/s2"),
+    _Entry("virtual work", motion.virtual_work, DIFFERENCES, "1"),
+    _Entry("largest reaction", motion.load_maximum, ROUNDING, "1"),
+    _Entry("unit screws", margins.unit_screws, ROUNDING, "1"),
+    _Entry("Type 1 is the lever", margins.sines_are_levers, ROUNDING, "1"),
+    _Entry("margins in 0..1", margins.in_range, 1e-12, "1"),
+    _Entry("unknown is unknown", margins.unknown_is_unknown, 0.0, "1"),
+    _Entry("refusals", margins.refusals, 0.0, "1"),
+    _Entry("many are single", margins.many_are_single, ROUNDING, "m, rad, 1"),
+    _Entry("guarantee is kept", margins.promises_kept, ROUNDING, "1"),
+    _Entry("guarantee says something", margins.promises_something, 1e-3, "1"),
+    _Entry("clearance is kept", margins.clearance_kept, 1e-6, "m, rad"),
+    _Entry("branch goes on", margins.labels_stay, ROUNDING, "m, rad"),
+)
+"""Every law: name, trial, largest allowed error and its unit."""
+
+
+def conformance(robot: Robot, *, joints: int = JOINTS, seed: int = 1) -> Iterator[Check]:
+    """What becomes of every law, one after the other; `Check.broken` is empty where it holds.
+
+    joints: how many random joint positions are tried. Never raises for what the mechanism does.
+    """
+    machine = Machine(robot, joints, seed)
+    try:
+        good = len(machine.regular)
+        few = f"{len(machine.postures)} postures at {joints} random joint positions, {good} with margins above 0.1"
+        broken = (
+            "" if good >= LEAST_POSTURES else f"{few}; {LEAST_POSTURES} are needed: see ranges, `direct` and `legs`"
+        )
+    except Exception as error:  # whatever a mechanism of the user does
+        good, broken = 0, f"`posture` raises {_said(error)}"
+    words = "Random joints give postures, many of them far from singularities"
+    yield Check("postures", words, good, 0.0, 0.0, "1", broken)
+    if not broken:
+        for entry in LAWS:
+            yield _tried(entry, machine)
+
+
+def _tried(entry: _Entry, machine: Machine) -> Check:
+    """The worst case of a law."""
+    worst, tried, broken = 0.0, 0, ""
+    try:
+        for case in entry.law(machine):
+            tried += 1
+            if not case.error <= entry.allowed and (not broken or case.error > worst):
+                broken = f"{case.said}; error {case.error:.3g} {entry.unit}, allowed {entry.allowed:.3g}"
+            worst = max(worst, case.error) if case.error == case.error else float("inf")
+    except Exception as error:  # whatever a mechanism of the user does
+        broken = f"after {tried} trials it raises {_said(error)}"
+    if not tried and not broken:
+        broken = "it could not be tried anywhere"
+    words = " ".join((entry.law.__doc__ or "").split())
+    return Check(entry.name, words, tried, worst, entry.allowed, entry.unit, broken)
+
+
+def _said(error: Exception) -> str:
+    return f"{type(error).__name__}: {' '.join(str(error).split())}"
