@@ -45,6 +45,7 @@ LAWS: tuple[_Entry, ...] = (
     _Entry("direct rates and bias", motion.direct_rates, 1e-5, "m/s, m/s2"),
     _Entry("virtual work", motion.virtual_work, DIFFERENCES, "1"),
     _Entry("largest reaction", motion.load_maximum, ROUNDING, "1"),
+    _Entry("posture is legs", margins.posture_is_legs, ROUNDING, "1, m"),
     _Entry("unit screws", margins.unit_screws, ROUNDING, "1"),
     _Entry("Type 1 is the lever", margins.sines_are_levers, ROUNDING, "1"),
     _Entry("margins in 0..1", margins.in_range, 1e-12, "1"),

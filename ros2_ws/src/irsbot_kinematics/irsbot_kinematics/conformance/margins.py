@@ -48,6 +48,16 @@ def unit_screws(machine: Machine) -> Iterator[Case]:
             )
 
 
+def posture_is_legs(machine: Machine) -> Iterator[Case]:
+    """A posture carries what `legs` says at its joints and pose, also where `posture` is written for speed."""
+    for at in machine.postures:
+        legs = machine.mechanism.legs(FLOATS, at.joints, at.pose)
+        for name in ("screws", "levers", "sines", "reach", "limb", "arms"):
+            said, by_legs = np.array(getattr(at, name)).ravel(), np.array(getattr(legs, name)).ravel()
+            away = float(np.abs(said - by_legs).max(initial=0.0)) if said.shape == by_legs.shape else inf
+            yield Case(away, f"{place(at)}: {name} {numbers(said)}, by legs {numbers(by_legs)}")
+
+
 def sines_are_levers(machine: Machine) -> Iterator[Case]:
     """Type 1 sine is the lever over its largest size: their ratio is one number per leg, with sign +."""
     ratios: list[list[float]] = [[] for _ in machine.mechanism.joints]

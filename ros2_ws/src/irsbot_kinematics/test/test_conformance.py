@@ -1,0 +1,215 @@
+"""The conformance test: every shipped robot passes it, and every way of being wrong is caught by the law it breaks."""
+
+from __future__ import annotations
+
+import pytest
+
+import irsbot_kinematics as irs
+from irsbot_kinematics.arithmetic import ARRAYS
+from irsbot_kinematics.conformance import LAWS, conformance
+from irsbot_kinematics.mechanism import Guarantee, Mechanism, Status
+from irsbot_kinematics.mechanisms.delta_family import DeltaGeometry
+from irsbot_kinematics.mechanisms.orthoglide import Orthoglide
+
+GEOMETRY = DeltaGeometry(2.0, (0.0, 4.0))
+
+
+@pytest.mark.parametrize("name", irs.robots())
+def test_every_shipped_robot_keeps_every_law(name):
+    robot = irs.make_robot(name)
+    checks = list(conformance(robot, joints=150 if robot.mechanism.labels_hold else 40))
+    assert [check.law for check in checks] == ["postures", *[entry.name for entry in LAWS]]
+    assert [check.broken for check in checks if check.broken] == []
+    assert all(check.tried > 0 and check.words for check in checks)
+
+
+# --- mechanisms that are wrong in one thing ---
+
+
+class Plain(Orthoglide):
+    """Postures from `direct` and `legs` alone, as of a mechanism that does not override `posture`."""
+
+    def posture(self, joints, assembly):
+        return Mechanism.posture(self, joints, assembly)
+
+
+class OtherLegs(Orthoglide):
+    """`posture` is right, `legs` is not."""
+
+    def legs(self, k, joints, pose):
+        legs = super().legs(k, joints, pose)
+        legs.levers = tuple(-lever for lever in legs.levers)
+        return legs
+
+
+class WrongScrew(Plain):
+    def legs(self, k, joints, pose):
+        legs = super().legs(k, joints, pose)
+        (x, y, z), *others = legs.screws
+        legs.screws = ((-x, y, z), *others)
+        return legs
+
+
+class WrongLever(Plain):
+    def legs(self, k, joints, pose):
+        legs = super().legs(k, joints, pose)
+        first, *others = legs.levers
+        legs.levers = (-first, *others)
+        return legs
+
+
+class LongScrew(Plain):
+    def legs(self, k, joints, pose):
+        legs = super().legs(k, joints, pose)
+        legs.screws = tuple(tuple(2.0 * value for value in row) for row in legs.screws)
+        legs.levers = tuple(2.0 * lever for lever in legs.levers)
+        legs.closure = tuple(2.0 * error for error in legs.closure)
+        return legs
+
+
+class LargeSine(Plain):
+    def legs(self, k, joints, pose):
+        legs = super().legs(k, joints, pose)
+        legs.sines = tuple(1.5 * sine for sine in legs.sines)
+        return legs
+
+
+class BentSine(Plain):
+    def legs(self, k, joints, pose):
+        legs = super().legs(k, joints, pose)
+        legs.sines = tuple(sine * k.size(sine) for sine in legs.sines)
+        return legs
+
+
+class WrongMany(Orthoglide):
+    def legs(self, k, joints, pose):
+        legs = super().legs(k, joints, pose)
+        if k is ARRAYS:
+            legs.sines = tuple(sine * (1.0 - 1e-6) for sine in legs.sines)
+        return legs
+
+
+class OpenInverse(Orthoglide):
+    def inverse(self, k, pose, mode):
+        joints, reach = super().inverse(k, pose, mode)
+        return tuple(q + 1e-6 for q in joints), reach
+
+
+class SwappedModes(Orthoglide):
+    def inverse(self, k, pose, mode):
+        return super().inverse(k, pose, tuple(-sign for sign in mode))
+
+
+class ReachesEverything(Orthoglide):
+    def inverse(self, k, pose, mode):
+        joints, reach = super().inverse(k, pose, mode)
+        return joints, tuple(k.size(value) for value in reach)
+
+
+class HalfOfTheAssemblies(Orthoglide):
+    def __init__(self, geometry):
+        super().__init__(geometry)
+        self.assembly_modes = (-1,)
+
+
+class NoBias(Orthoglide):
+    def bias(self, at, joint_rates, pose_rates):
+        return (0.0, 0.0, 0.0)
+
+
+class Optimistic(Orthoglide):
+    def guarantee(self, at, travel, slack_m=0.0):
+        bound = super().guarantee(at, travel, slack_m)
+        return bound._replace(type2=min(at.type2, 1.2 * bound.type2))
+
+
+class PromisesUnknown(Orthoglide):
+    def guarantee(self, at, travel, slack_m=0.0):
+        if any(t != t for t in travel):
+            return Guarantee(at.type1, at.type2, at.constraint, at.limb)
+        return super().guarantee(at, travel, slack_m)
+
+
+class PromisesNothing(Orthoglide):
+    def guarantee(self, at, travel, slack_m=0.0):
+        return self._nothing
+
+
+class TooClear(Orthoglide):
+    def clearance(self, at):
+        return 1.05 * min(at.reach)
+
+
+class BelievesNan(Orthoglide):
+    def posture(self, joints, assembly):
+        if any(q != q for q in joints):
+            return super().posture((1.5, 1.5, 1.5), assembly)
+        return super().posture(joints, assembly)
+
+
+class Jumps(Plain):
+    """Changes its branch with a joint: the sign of a label does not last."""
+
+    def direct(self, k, joints, assembly):
+        return super().direct(k, joints, assembly if float(joints[0]) % 0.05 < 0.025 else -assembly)
+
+
+class Raises(Orthoglide):
+    def bias(self, at, joint_rates, pose_rates):
+        raise ZeroDivisionError("float division by zero")
+
+
+WRONG = {
+    OtherLegs: "posture is legs",
+    WrongScrew: "Jacobian by pose",
+    WrongLever: "Jacobian by joints",
+    LongScrew: "unit screws",
+    LargeSine: "margins in 0..1",
+    BentSine: "Type 1 is the lever",
+    WrongMany: "many are single",
+    OpenInverse: "inverse closes",
+    SwappedModes: "inverse keeps its mode",
+    ReachesEverything: "refusals",
+    HalfOfTheAssemblies: "direct gives back",
+    NoBias: "direct rates and bias",
+    Optimistic: "guarantee is kept",
+    PromisesUnknown: "unknown is unknown",
+    BelievesNan: "unknown is unknown",
+    PromisesNothing: "guarantee says something",
+    TooClear: "clearance is kept",
+    Jumps: "branch goes on",
+    Raises: "direct rates and bias",
+}
+
+
+@pytest.mark.parametrize("wrong", WRONG, ids=lambda cls: cls.__name__)
+def test_what_is_wrong_breaks_its_law_with_place_and_numbers(wrong):
+    checks = {check.law: check for check in conformance(irs.Robot(wrong(GEOMETRY)), joints=60)}
+    said = checks[WRONG[wrong]].broken
+    assert said
+    assert "\n" not in said
+    assert any(char.isdigit() for char in said)
+    assert "Error" in said if wrong is Raises else "allowed" in said
+
+
+def test_the_same_laws_hold_where_nothing_is_wrong():
+    assert not [check.broken for check in conformance(irs.Robot(Orthoglide(GEOMETRY)), joints=60) if check.broken]
+
+
+def test_a_mechanism_that_is_assembled_nowhere_is_told_so_and_nothing_else_is_tried():
+    class Apart(Orthoglide):
+        def posture(self, joints, assembly):
+            return self._undetermined(Status.UNREACHABLE, tuple(joints), (-1.0, 1.0))
+
+    (check,) = conformance(irs.Robot(Apart(GEOMETRY)), joints=20)
+    assert check.law == "postures"
+    assert "0 postures at 20 random joint positions" in check.broken
+
+
+def test_an_error_in_posture_is_reported_and_not_raised():
+    class Broken(Orthoglide):
+        def posture(self, joints, assembly):
+            raise IndexError("tuple index out of range")
+
+    (check,) = conformance(irs.Robot(Broken(GEOMETRY)), joints=20)
+    assert "IndexError: tuple index out of range" in check.broken
