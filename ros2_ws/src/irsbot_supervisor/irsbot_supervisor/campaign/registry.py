@@ -2,6 +2,22 @@
 
 from __future__ import annotations
 
+from irsbot_supervisor.campaign import approach, clean, escape
 from irsbot_supervisor.campaign.rows import Entry
+from irsbot_supervisor.campaign.truth import supervised
 
-ENTRIES: tuple[Entry, ...] = ()
+EACH = 1000
+"""Approaches per robot."""
+
+ENTRIES: tuple[Entry, ...] = (
+    Entry(
+        approach.NAME,
+        approach.MUST,
+        max(EACH * len(supervised()), 10_000),
+        2 * len(supervised()),
+        approach.run,
+        over_robots=True,
+    ),
+    Entry(clean.NAME, clean.MUST, 1_000_000, 20_000, clean.run, over_robots=True),
+    Entry(escape.NAME, escape.MUST, 1000, len(supervised()), escape.run, over_robots=True),
+)

@@ -54,6 +54,7 @@ class Entry(NamedTuple):
     full: int  # cases of the whole campaign
     quick: int  # cases of `--quick`
     run: Callable[[Job], Row]
+    over_robots: bool = False  # spreads its cases over the robots of the job
     needs_ros: bool = False  # starts nodes as processes
 
 
@@ -73,6 +74,13 @@ class Tally:
         self._failed += bool(failed)
         self._note = self._note or unsafe or failed
         self._job.tell(1)
+
+    def many(self, amount: int, failed: int = 0, note: str = "") -> None:
+        """Many cases are done, some of which failed."""
+        self._amount += amount
+        self._failed += failed
+        self._note = self._note or note
+        self._job.tell(amount)
 
     def largest(self, figure: str, value: float) -> None:
         """Keep the largest value of a figure."""

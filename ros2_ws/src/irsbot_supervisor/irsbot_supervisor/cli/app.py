@@ -12,6 +12,7 @@ from irsbot_supervisor.cli import (
     bench,
     check,
     design,
+    faults,
     kinematics,
     limits,
     map,
@@ -50,6 +51,7 @@ app.command("settings")(settings.settings)
 app.command("limits")(limits.limits)
 app.command("report")(report.report)
 app.command("bench")(bench.bench)
+app.command("faults")(faults.faults)
 app.command("map")(map.draw)
 app.add_typer(design.app, name="design")
 

@@ -1,0 +1,141 @@
+"""Approaches at speed: the robot stands before any stop margin is crossed.
+
+A ramp moves all joints at constant rates, 10 to 100 % of their limits, from a random good posture at a stop limit.
+The supervisor sees one sample per period, each a little late; when its verdict says stop, every joint goes on for the
+latency and then brakes with its own deceleration. Afterwards the margins are evaluated along the whole way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from irsbot_kinematics import Robot
+from irsbot_msgs_py.records import JointSample, Level
+from irsbot_supervisor.campaign.rows import Job, Row, Tally
+from irsbot_supervisor.campaign.truth import MARGINS, Array, good_postures, limits, margins_along, supervised
+from irsbot_supervisor.core.intake import S
+from irsbot_supervisor.core.pipeline import Supervisor
+from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.settings_file import read_settings
+
+NAME = "approach"
+MUST = "the robot stands before its stop margin is crossed: 100 %"
+
+SLOWEST = 0.1
+"""1: share of the velocity limits with which a ramp moves at least."""
+LATENCY_S = 0.05
+"""s: longest latency of the drives."""
+AGES_S = (0.0, 0.0005, 0.003)
+"""s from stamp to arrival."""
+BEGIN_NS = 10**15
+PERIOD_S = 0.001
+SEARCH_S = 3.0
+"""s: how long a ramp is followed in search of a stop limit."""
+SEARCH_STEPS = 600
+RUN_UP_S = 0.05
+"""s: at most so long before the last moment for a stop a run begins."""
+FINE_STEPS = 500
+"""Points on the way of a run at which its margins are evaluated: some 0.5 ms apart."""
+ROUNDING = 1e-9
+"""1: a margin that is below its limit by less than this has not crossed it."""
+STARTS = 32
+"""Postures that are looked for at once."""
+
+
+class Ramp(NamedTuple):
+    """Joints at constant rates; a stop limit is crossed if nobody stops them."""
+
+    start: Array  # rad or m
+    rates: Array  # rad/s or m/s
+    latency_s: float
+    age_s: float  # of every sample on arrival
+    phase_s: float  # of the first sample
+
+    def at(self, times: Array, brake_s: float, brakes: Array) -> Array:
+        """(N, n) joint positions when the joints brake from `brake_s` on."""
+        braking = np.minimum(np.maximum(times - brake_s, 0.0)[:, None], np.abs(self.rates) / brakes)
+        going = np.minimum(times, brake_s)[:, None]
+        way = self.rates * (going + braking) - 0.5 * np.sign(self.rates) * brakes * braking**2
+        return np.asarray(self.start + way)
+
+
+def run(job: Job) -> Row:
+    """The row: a case is a ramp, the same number for every robot."""
+    tally = Tally(NAME, job)
+    names = job.robots or supervised()
+    spares: list[float] = []
+    for k, name in enumerate(names):
+        rng = np.random.default_rng([job.seed, k])
+        settings, robot = read_settings(name)
+        settings = replace(settings, dwell_s=0.0)  # a run begins in motion: what holds at first is not to outlast it
+        for ramp in random_ramps(robot, settings, -(-job.amount // len(names)), rng):
+            seen_s = stop_time(ramp, replace(settings, latency_s=ramp.latency_s), robot)
+            spare = spare_of(ramp, seen_s, settings, robot)
+            kind = MARGINS[int(spare.argmin())]
+            unsafe = f"{name}: {kind} margin {-spare.min():.2e} below its limit" if not spare.min() >= -ROUNDING else ""
+            tally.case(unsafe, "" if seen_s is not None else f"{name}: never told to stop")
+            spares.append(float(spare.min()))
+    tally.figures["least margin above its stop limit"] = min(spares)
+    tally.figures["median of the same"] = float(np.median(spares))
+    tally.figures["robots"] = len(names)
+    return tally.row()
+
+
+def random_ramps(robot: Robot, settings: Settings, number: int, rng: np.random.Generator) -> Iterator[Ramp]:
+    """Ramps that meet a stop limit, and begin in time for the supervisor to see them come."""
+    speeds, brakes = np.array(settings.velocity_limit), np.array(settings.deceleration_limit)
+    stop = limits(settings, "stop")
+    times = np.linspace(0.0, SEARCH_S, SEARCH_STEPS)
+    found = 0
+    while True:
+        for start in good_postures(robot, settings, min(STARTS, number), rng):
+            share = rng.uniform(-1.0, 1.0, len(speeds))
+            rates = speeds * share / np.abs(share).max() * rng.uniform(SLOWEST, 1.0)
+            crossed = (margins_along(robot, settings, start + times[:, None] * rates) < stop).any(axis=1)
+            latency_s, age_s = rng.uniform(0.0, LATENCY_S), float(rng.choice(AGES_S))
+            needed_s = latency_s + age_s + PERIOD_S + (np.abs(rates) / brakes).max()
+            begin_s = times[np.argmax(crossed)] - needed_s - rng.uniform(0.0, RUN_UP_S)
+            if not (crossed.any() and begin_s > 0.0):
+                continue
+            ramp = Ramp(start + rates * begin_s, rates, latency_s, age_s, rng.uniform(0.0, PERIOD_S))
+            if not robot.mechanism.labels_hold and not _is_fair(ramp, settings, robot):
+                continue
+            yield ramp
+            found += 1
+            if found == number:
+                return
+
+
+def _is_fair(ramp: Ramp, settings: Settings, robot: Robot) -> bool:
+    """Whether the run can be stopped from its first sample on, and goes wrong if it is not: where labels do not hold,
+    the branch in which it begins may be another than the one in which it was found."""
+    in_time = spare_of(ramp, ramp.phase_s + ramp.age_s, settings, robot)
+    return bool((in_time >= 0.0).all() and (spare_of(ramp, None, settings, robot) < 0.0).any())
+
+
+def stop_time(ramp: Ramp, settings: Settings, robot: Robot) -> float | None:
+    """When a verdict that means stop is heard, s; None if there is none. Encoders count in their steps."""
+    supervisor = Supervisor(settings, robot)
+    names, rates, step = settings.joint_names, tuple(ramp.rates.tolist()), settings.encoder_resolution
+    for k in range(round(SEARCH_S / PERIOD_S)):
+        stamp_s = ramp.phase_s + k * PERIOD_S
+        position = np.round((ramp.start + ramp.rates * stamp_s) / step) * step
+        stamp_ns, seen_ns = round(stamp_s * S), round((stamp_s + ramp.age_s) * S)
+        times = BEGIN_NS + stamp_ns, BEGIN_NS + seen_ns, S + seen_ns
+        verdict = supervisor.step(JointSample(*times, names, tuple(position.tolist()), rates)).verdict
+        if verdict is not None and verdict.level >= Level.STOP:
+            return stamp_s + ramp.age_s
+    return None
+
+
+def spare_of(ramp: Ramp, seen_s: float | None, settings: Settings, robot: Robot) -> Array:
+    """(4,) what each margin keeps above its stop limit until the robot stands, if stopped at a time."""
+    brakes = np.array(settings.deceleration_limit)
+    brake_s = SEARCH_S if seen_s is None else seen_s + ramp.latency_s
+    times = np.linspace(0.0, brake_s + (np.abs(ramp.rates) / brakes).max(), FINE_STEPS)
+    found = margins_along(robot, settings, ramp.at(times, brake_s, brakes))
+    return np.asarray(found.min(axis=0) - limits(settings, "stop"))

@@ -1,0 +1,97 @@
+"""Motion that is free of singularities, period by period: the work of the scenarios, and random swings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import count
+
+import numpy as np
+
+from irsbot_kinematics import Robot
+from irsbot_kinematics.mechanism import Floats
+from irsbot_supervisor.campaign.truth import ENOUGH, HEADROOM, Array, good_postures, joint_ranges, limits, margins_along
+from irsbot_supervisor.core.motion import JointLimits, JointPath
+from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.sim.scenario_file import read_scenario, scenario_robots
+from irsbot_supervisor.sim.scenarios import plan
+from irsbot_supervisor.sim.trajectory import swing
+
+PERIOD_S = 0.001
+WORK = "pick_and_place"
+"""The scenario that is work and nothing else."""
+
+BEYOND_S = 0.002
+"""s beyond the latency that a stop may begin late: two periods."""
+
+REST_S = 0.02
+"""s that the joints stand between two swings."""
+
+SHORTEST = 0.02
+"""1: share of the joint ranges that the shortest swing covers."""
+
+LOOKS, BRAKING = 50, 6
+"""Points of a swing from which it is looked how the joints would brake, and points of each of these ways."""
+
+Motion = Iterator[tuple[Floats, Floats]]
+"""Joint positions and rates, one pair per period."""
+
+
+def works() -> tuple[str, ...]:
+    """The robots for which there is work."""
+    return scenario_robots(WORK)
+
+
+def work(robot: Robot, settings: Settings) -> Motion:
+    """Pick and place as the scenario says, for ever."""
+    motion = plan(read_scenario(WORK, robot), robot.mechanism, _limits(settings))
+    for k in count():
+        point = motion.at(k * PERIOD_S)
+        yield point.position, point.velocity
+
+
+def swings(robot: Robot, settings: Settings, rng: np.random.Generator) -> Motion:
+    """Random swings at full speed, straight in joint space. They are free of singularities, and so is the way on which
+    the joints would brake, each by itself, from anywhere on them."""
+    low, high = joint_ranges(robot)
+    here = good_postures(robot, settings, 1, rng)[0]
+    while True:
+        reach = (high - low) * SHORTEST ** rng.uniform(0.0, 1.0)
+        there = np.clip(here + rng.uniform(-1.0, 1.0, len(here)) * reach, low, high)
+        motion = swing(tuple(here.tolist()), tuple(there.tolist()), _limits(settings))
+        if not _is_clean(motion, robot, settings):
+            continue
+        for t in np.arange(0.0, motion.duration_s + REST_S, PERIOD_S):
+            point = motion.at(float(t))
+            yield point.position, point.velocity
+        here = there
+
+
+def braking(position: Array, velocity: Array, settings: Settings, number: int) -> Array:
+    """(number, n) points on the way to standstill if each joint brakes by itself, a little later than the latency."""
+    brakes, late = np.array(settings.deceleration_limit), settings.latency_s + BEYOND_S
+    speed = np.abs(velocity)
+    times = np.linspace(0.0, late + (speed / brakes).max(), number)[:, None]
+    slowing = np.clip(times - late, 0.0, speed / brakes)
+    return np.asarray(
+        position + velocity * (np.minimum(times, late) + slowing) - 0.5 * np.sign(velocity) * brakes * slowing**2
+    )
+
+
+def _is_clean(motion: JointPath, robot: Robot, settings: Settings) -> bool:
+    enough = np.minimum(HEADROOM * limits(settings, "warn"), ENOUGH)
+    rows = []
+    for t in np.linspace(0.0, motion.duration_s, LOOKS):
+        point = motion.at(float(t))
+        out = braking(np.array(point.position), np.array(point.velocity), settings, BRAKING)
+        rows += [out, out[::-1]]  # and back, so that a branch can be followed through all of it
+    return bool((margins_along(robot, settings, np.concatenate(rows)) >= enough).all())
+
+
+def measured(position: Floats, settings: Settings) -> Floats:
+    """What the encoders make of it: whole steps."""
+    step = settings.encoder_resolution
+    return tuple([round(value / step) * step for value in position]) if step > 0.0 else position
+
+
+def _limits(settings: Settings) -> JointLimits:
+    return JointLimits(settings.velocity_limit, settings.deceleration_limit, settings.deceleration_limit)

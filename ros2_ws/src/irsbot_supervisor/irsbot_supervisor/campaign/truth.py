@@ -1,0 +1,107 @@
+"""What is true whatever the supervisor says: margins of the real joint positions, by the batch solver.
+
+Nothing here passes through the supervisor's core; only the limits are read from its settings.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from math import inf, isfinite, pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+import irsbot_kinematics as irs
+from irsbot_kinematics import Evaluations, Robot, Status
+from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.settings_file import robot_of, shipped_values
+
+Array = NDArray[np.float64]
+
+MARGINS = ("type1", "type2", "constraint", "limb")
+"""The columns of all margins here, as the settings call them."""
+
+HEADROOM = 1.5
+"""1: a good posture keeps this many times the warning limits."""
+
+ENOUGH = 0.75
+"""1: a margin as large as this is good whatever the warning limit is."""
+
+MOST_TRIED = 4096
+"""Joint positions that are tried at once."""
+
+WIDEST = 4.0
+"""Times `length_m`: where slides without limits are looked for, on both sides of zero."""
+
+NEAR = 0.02
+"""rad, or share of `length_m`: between two looks at a branch that has to be followed no joint moves farther."""
+
+
+@lru_cache(maxsize=1)
+def supervised() -> tuple[str, ...]:
+    """All presets that have shipped settings."""
+    return tuple(name for name in irs.robots() if shipped_values(robot_of(name)))
+
+
+def limits(settings: Settings, which: str) -> Array:
+    """(4,) the `warn` or `stop` limits."""
+    return np.array([getattr(settings, f"{margin}_{which}") for margin in MARGINS])
+
+
+def joint_ranges(robot: Robot) -> tuple[Array, Array]:
+    """(n,) lowest and highest joint positions worth looking at: one turn of an angle, the way of a slide."""
+    low, high = [], []
+    for joint in robot.mechanism.joints:
+        far = pi if joint.is_angle else WIDEST * robot.mechanism.length_m
+        low.append(joint.lower if isfinite(joint.lower) else -far)
+        high.append(joint.upper if isfinite(joint.upper) else far)
+    return np.array(low), np.array(high)
+
+
+def margins(robot: Robot, settings: Settings, Q: Array) -> Array:
+    """(N, 4) smallest margins of postures (N, n) that need not be near each other: 0 where not assembled, infinite
+    where the robot has no such margin."""
+    return _margins(robot.evaluate_many(Q, settings.assembly_mode))
+
+
+def _margins(found: Evaluations) -> Array:
+    none = np.full(len(found.status), inf)
+    limb = found.limb_margin.min(axis=1) if found.limb_margin.shape[1] else none
+    constraint = np.where(np.isnan(found.constraint_margin), none, found.constraint_margin)
+    columns = np.column_stack((found.type1_margin.min(axis=1), found.type2_margin, constraint, limb))
+    return np.where((found.status == Status.SOLVED)[:, None], columns, 0.0)
+
+
+def margins_along(robot: Robot, settings: Settings, way: Array) -> Array:
+    """(N, 4) the same along a way (N, n) that begins in the configured branch: 0 from where it is no longer assembled
+    on. Where labels do not tell the branch it is followed, in steps as small as `NEAR`."""
+    mechanism = robot.mechanism
+    if mechanism.labels_hold:
+        return margins(robot, settings, way)
+    found = np.zeros((len(way), len(MARGINS)))
+    lever = np.array([1.0 if joint.is_angle else mechanism.length_m for joint in mechanism.joints])
+    at = mechanism.posture(tuple(way[0].tolist()), settings.assembly_mode)
+    for k, row in enumerate(way):
+        before = np.array(at.joints)
+        steps = max(int(np.ceil(np.abs((row - before) / lever).max() / NEAR)), 1)
+        for step in range(1, steps + 1):
+            if at.status == Status.SOLVED:
+                at = mechanism.track(tuple((before + (row - before) * step / steps).tolist()), at)
+        if at.status != Status.SOLVED:
+            break
+        constraint = at.constraint if at.constraint == at.constraint else inf
+        found[k] = min(at.type1), at.type2, constraint, min(at.limb, default=inf)
+    return found
+
+
+def good_postures(robot: Robot, settings: Settings, number: int, rng: np.random.Generator) -> Array:
+    """(number, n) random joint positions in the configured modes, with margins well above the warning limits."""
+    low, high = joint_ranges(robot)
+    enough = np.minimum(HEADROOM * limits(settings, "warn"), ENOUGH)
+    rows, tried = np.empty((0, len(low))), 64
+    while len(rows) < number:
+        found = robot.evaluate_many(rng.uniform(low, high, (tried, len(low))), settings.assembly_mode)
+        good = (_margins(found) >= enough).all(axis=1) & (found.working_mode == settings.working_mode).all(axis=1)
+        rows = np.concatenate((rows, found.joint_position[good]))
+        tried = min(2 * tried, MOST_TRIED)
+    return rows[:number]

@@ -1,0 +1,110 @@
+"""`faults`: the fault campaign, each kind of fault tried many times against the supervision."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from irsbot_supervisor.campaign.rows import FALSE_STOPS, RECOVERY_S, TO_STOP_S, Entry, Row
+from irsbot_supervisor.cli.common import Failed, err, out, print_json, refuse
+
+if TYPE_CHECKING:
+    from irsbot_supervisor.campaign.runner import Order
+
+HEADINGS = ("row", "amount", "unsafe", "failed", "false stops", "to STOP [s]", "recovery [s]", "must", "met")
+
+
+def faults(
+    only: Annotated[list[str] | None, typer.Option(help="run this row alone; may be repeated")] = None,
+    robot: Annotated[list[str] | None, typer.Option(help="of rows over all robots, these alone")] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="a small share of every row: a minute")] = False,
+    seed: Annotated[int, typer.Option(help="of all random numbers", min=0)] = 1,
+    jobs: Annotated[int, typer.Option(help="rows that run at the same time", min=1)] = 1,
+    as_json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="write the table here, as Markdown")] = None,
+) -> None:
+    """Try faults against the supervision and count what went wrong. Exit code 1 if a row is not met.
+
+    Unsafe is every case in which motion was allowed although an oracle outside the supervisor said stop or unknown.
+
+    Example: irsbot faults --quick --only approach --robot irsbot2
+    """
+    from irsbot_supervisor.campaign.registry import ENTRIES  # builds robots
+    from irsbot_supervisor.campaign.runner import run_rows
+    from irsbot_supervisor.campaign.truth import supervised
+
+    known = {entry.name: entry for entry in ENTRIES}
+    if unknown := sorted(set(only or ()) - set(known)):
+        refuse(f"no row '{unknown[0]}'; there are {', '.join(known)}")
+    if unknown := sorted(set(robot or ()) - set(supervised())):
+        refuse(f"no settings are shipped for robot '{unknown[0]}'; there are some for {', '.join(supervised())}")
+    entries = [entry for entry in ENTRIES if not only or entry.name in only]
+    orders = _orders(entries, quick, seed, tuple(robot or ()), len(supervised()))
+    with Progress(
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), console=err
+    ) as bars:
+        tasks = {order.entry.name: bars.add_task(order.entry.name, total=order.amount) for order in orders}
+        rows = []
+        for row in run_rows(orders, jobs, lambda name, cases: bars.advance(tasks[name], cases)):
+            bars.update(tasks[row.name], total=max(row.amount, 1), completed=max(row.amount, 1))
+            rows.append(row)
+    rows.sort(key=lambda row: list(known).index(row.name))
+    if as_json:
+        print_json({"seed": seed, "quick": quick, "rows": [{**row._asdict(), "met": row.ok} for row in rows]})
+    else:
+        out.print(_table(rows, known))
+    if output is not None:
+        output.write_text(_markdown(rows, known), encoding="utf-8")
+    if broken := [row for row in rows if not row.ok]:
+        raise Failed(f"not met: {'; '.join(f'{row.name} ({row.note})' for row in broken)}")
+
+
+def _orders(entries: Sequence[Entry], quick: bool, seed: int, robots: tuple[str, ...], all_robots: int) -> list[Order]:
+    """What is to be done; a row over all robots takes its share for those that were asked for."""
+    from irsbot_supervisor.campaign.runner import Order
+
+    orders = []
+    for entry in entries:
+        amount = entry.quick if quick else entry.full
+        if entry.over_robots and robots:
+            amount = max(amount * len(robots) // all_robots, 1)
+        orders.append(Order(entry, amount, seed, robots if entry.over_robots else ()))
+    return orders
+
+
+def _cells(row: Row, must: str) -> tuple[str, ...]:
+    """What the table says of a row, in the order of HEADINGS."""
+    figures = [
+        _short(row.figures[name]) if name in row.figures else "" for name in (FALSE_STOPS, TO_STOP_S, RECOVERY_S)
+    ]
+    return (row.name, str(row.amount), str(row.unsafe), str(row.failed), *figures, must, "yes" if row.ok else "NO")
+
+
+def _more(row: Row) -> str:
+    """The figures of a row that have no column, and its note."""
+    others = {name: value for name, value in row.figures.items() if name not in (FALSE_STOPS, TO_STOP_S, RECOVERY_S)}
+    said = [f"{name} {_short(value)}" for name, value in others.items()]
+    return f"{row.name}: {'; '.join([*said, *filter(None, (row.note,))]) or 'nothing more'}"
+
+
+def _short(value: float) -> str:
+    return f"{value:.0f}" if isfinite(value) and value == round(value) else f"{value:.3g}"
+
+
+def _table(rows: Sequence[Row], known: dict[str, Entry]) -> Table:
+    table = Table(*HEADINGS, title="fault campaign", caption="\n".join(map(_more, rows)), caption_justify="left")
+    for row in rows:
+        table.add_row(*_cells(row, known[row.name].must))
+    return table
+
+
+def _markdown(rows: Sequence[Row], known: dict[str, Entry]) -> str:
+    lines = [f"| {' | '.join(HEADINGS)} |", f"|{' --- |' * len(HEADINGS)}"]
+    lines += [f"| {' | '.join(_cells(row, known[row.name].must))} |" for row in rows]
+    return "\n".join([*lines, "", *(f"- {_more(row)}" for row in rows)]) + "\n"
