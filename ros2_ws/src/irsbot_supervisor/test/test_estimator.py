@@ -237,6 +237,21 @@ def test_a_joint_that_stands_still_but_reports_motion_is_frozen_even_if_the_othe
     assert all(implausible(answer) for answer in answers[first - 20 :])
 
 
+@pytest.mark.parametrize("said", [0.25, -0.6, 1.0])
+def test_however_slow_the_reported_motion_positions_that_stand_longer_than_the_stale_limit_are_frozen(said):
+    """From 2 % of the speed limit, 0.24 rad/s, on; 50 ms are the shipped `stale_s`. They stay frozen when the motion
+    ends, until the position changes."""
+    filter_ = estimator()
+    watch(filter_, moving((said, 0.0), (said, 0.0), 0, 20))
+    stuck = (said * 0.019, 1.0)
+    answers = watch(filter_, [accepted(k, stuck, (said, 0.0)) for k in range(20, 100)])
+    first = next(k for k, answer in enumerate(answers, 20) if implausible(answer))
+    assert 20 + 50 <= first <= 20 + 50 + 2
+    assert all(map(implausible, answers[first - 20 :]))
+    assert implausible(watch(filter_, [accepted(k, stuck, (0.0, 0.0)) for k in range(100, 300)])[-1])
+    good(filter_.update(accepted(300, (stuck[0] + 1e-4, 1.0), (0.0, 0.0))))
+
+
 def test_a_frozen_joint_stays_frozen_when_the_motion_ends_and_until_its_position_changes():
     filter_ = estimator()
     watch(filter_, moving((2.0, 2.0), (2.0, 2.0), 0, 20))

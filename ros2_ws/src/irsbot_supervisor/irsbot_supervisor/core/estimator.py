@@ -26,6 +26,10 @@ FROZEN_S = 0.02
 """s: a position that stands still this long while the message reports motion is frozen. Filtered velocities lag behind
 less, so that what they report after a stop is less than a joint at full braking goes in this time."""
 
+CREEP = 0.02
+"""1: share of the velocity limit. What a message reports beyond it `stale_s` after the position came to a stand is no
+lag of a filter either, however slow the motion was: old positions are no better than none."""
+
 
 class Estimate(NamedTuple):
     """Where the joints are and how fast they move."""
@@ -57,6 +61,7 @@ class Estimator:
     def configure(self, settings: Settings) -> None:
         """New limits; the last sample stays known."""
         self._fastest = tuple(OVERSPEED * speed for speed in settings.velocity_limit)
+        self._creep = tuple(CREEP * speed for speed in settings.velocity_limit)
         self._doubt = tuple(DISAGREEMENT * speed for speed in settings.velocity_limit)
         self._brake = settings.deceleration_limit
         self._slow = settings.standstill_speed
@@ -132,7 +137,9 @@ class Estimator:
 
     def _frozen(self, sample: Accepted, moved: Floats, dt: float) -> str:
         """Which joint stands still although the message has reported one long motion; until it moves."""
-        for k, (step, said, brake) in enumerate(zip(moved, sample.velocity, self._brake, strict=False)):
+        for k, (step, said, brake, creep) in enumerate(
+            zip(moved, sample.velocity, self._brake, self._creep, strict=False)
+        ):
             way, since_ns = self._stuck.pop(k, (0.0, sample.seen_ns))
             most = 0.5 * brake * FROZEN_S * FROZEN_S + self._step
             if step == 0.0 and abs(way) <= most:
@@ -140,7 +147,10 @@ class Estimator:
                 way = way + said * dt if going else 0.0
             if step == 0.0 and way != 0.0:
                 self._stuck[k] = way, since_ns
-                if abs(way) > most and sample.seen_ns - since_ns > FROZEN_S * S:
+                still_ns = sample.seen_ns - since_ns
+                far = abs(way) > most and still_ns > FROZEN_S * S
+                if far or (abs(way) > self._step and abs(said) > creep and still_ns > self._stale_ns):
+                    self._stuck[k] = copysign(inf, way), since_ns  # until it moves, whatever is reported
                     return f"the position of joint '{self._names[k]}' is frozen while the message reports motion"
         return ""
 

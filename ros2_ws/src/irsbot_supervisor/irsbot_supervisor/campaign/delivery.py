@@ -1,0 +1,181 @@
+"""Faults of delivery: drop-outs, random loss, late start, frozen encoders, two publishers.
+
+What is true is known here: when a true sample arrived last, and since when what arrives is wrong.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import exp, log
+
+import numpy as np
+
+from irsbot_supervisor.campaign.line import PERIOD_NS, RECOVERY_LIMIT_S, ROBOTS, WARM_UP, Line
+from irsbot_supervisor.campaign.rows import FALSE_STOPS, RECOVERY_S, TO_STOP_S, Job, Row, Tally
+from irsbot_supervisor.core.intake import S
+from irsbot_supervisor.sim.faults import FaultInjector, parse_faults
+
+NAME = "delivery"
+MUST = (
+    "STOP or UNKNOWN within stale limit + one heartbeat; 1-2 lost periods change nothing; "
+    "<= 5 % loss no false stop; recovery <= 0.5 s"
+)
+
+LONGEST = 1000
+"""Periods of the longest drop-out."""
+HARMLESS = 2
+"""Periods that may be lost without a trace."""
+MOST_LOSS, HARMLESS_LOSS = 0.5, 0.05
+"""Shares of samples lost at random: the most that is tried, and what must not stop anybody."""
+SLOWEST = 0.1
+"""1: share of its velocity limit with which some joint moves when encoders freeze: what stands still is not frozen."""
+APART = (0.02, 1.0)
+"""rad or m by which two publishers differ, least and most: nearer ones are noise."""
+
+Fault = tuple[str, str]
+"""What was unsafe, and what failed; empty for nothing."""
+
+
+def run(job: Job) -> Row:
+    """The row: a case is one fault on a robot at work. All kinds take turns."""
+    tally = Tally(NAME, job)
+    tally.figures.update({FALSE_STOPS: 0.0, TO_STOP_S: 0.0, RECOVERY_S: 0.0})
+    kinds: tuple[Callable[[_Case], Fault], ...] = (drop_out, loss, late_start, frozen, two_publishers)
+    for k in range(job.amount):
+        kind, turn = kinds[k % len(kinds)], k // len(kinds)
+        share = (turn + 0.5) / -(-job.amount // len(kinds))
+        name = ROBOTS[turn % len(ROBOTS)]
+        unsafe, failed = kind(_Case(name, share, np.random.default_rng([job.seed, k]), tally))
+        where = f"{name}, {kind.__name__} {share:.3f}"
+        tally.case(unsafe and f"{where}: {unsafe}", failed and f"{where}: {failed}")
+    return tally.row()
+
+
+class _Case:
+    """One line, what has been seen to go wrong on it, and how far in the range of its kind it lies (0..1)."""
+
+    def __init__(self, name: str, share: float, rng: np.random.Generator, tally: Tally) -> None:
+        self.line, self.share, self.rng, self.tally = Line(name, rng), share, rng, tally
+        settings = self.line.settings
+        self.limit_ns = round((settings.stale_s + settings.heartbeat_s) * S)
+        self.unsafe = ""
+        self.stopped = False
+        """Motion was forbidden at some time while watching."""
+
+    def watch(self, blind_ns: int) -> None:
+        """Look at the verdict after a period. blind_ns: when what is delivered last was true (steady clock)."""
+        line = self.line
+        late_ns = line.now_ns - blind_ns
+        if not line.moves:
+            if not self.stopped:
+                self.tally.largest(TO_STOP_S, late_ns / S)
+            self.stopped = True
+        elif late_ns > self.limit_ns:
+            self.unsafe = self.unsafe or f"{line.level.name} {late_ns / S:.3f} s after the last true sample"
+
+    def recovered(self) -> str:
+        """Good samples again: why motion is not allowed in time, or empty. What is latched is reset at standstill."""
+        line, begin_ns = self.line, self.line.now_ns
+        for _ in range(round(RECOVERY_LIMIT_S * S / PERIOD_NS)):
+            if line.moves:
+                break
+            line.run(1)
+            if line.verdict is not None and line.verdict.latched and not line.standing:
+                line.standing = True
+                line.run(WARM_UP)
+                begin_ns = line.now_ns
+                if refusal := line.reset():
+                    return f"a reset is refused: {refusal}"
+        self.tally.largest(RECOVERY_S, (line.now_ns - begin_ns) / S)
+        return "" if line.moves else f"still {line.level.name} after {RECOVERY_LIMIT_S} s"
+
+
+def drop_out(case: _Case) -> Fault:
+    """Nothing for 1..1000 periods."""
+    line = case.line
+    line.run(WARM_UP)
+    periods = max(round(exp(case.share * log(LONGEST))), 1)
+    blind_ns, before = line.now_ns, len(line.changes)
+    for _ in range(periods):
+        line.advance()
+        case.watch(blind_ns)
+    failed = case.recovered()
+    line.run(WARM_UP)
+    if periods <= HARMLESS and len(line.changes) > before:
+        failed = failed or f"{periods} lost periods changed the verdict"
+    return case.unsafe, failed
+
+
+def loss(case: _Case) -> Fault:
+    """Samples lost at random, each with the same probability."""
+    line, share = case.line, MOST_LOSS * case.share
+    line.run(WARM_UP)
+    before = len(line.changes)
+    injector = FaultInjector(parse_faults(f"loss:share={share!r}"), line.robot.mechanism, int(case.rng.integers(2**31)))
+    true_ns = line.now_ns
+    for _ in range(LONGEST):
+        line.advance()
+        sent = injector.send(line.sample())
+        line.deliver([one.sample for one in sent])
+        true_ns = line.now_ns if sent else true_ns
+        case.watch(true_ns)
+    stops = sum(level > 1 for _ns, level in line.changes[before:])
+    if share <= HARMLESS_LOSS:
+        case.tally.add(FALSE_STOPS, stops)
+        if stops:
+            return case.unsafe, f"{stops} stops at {share:.1%} loss"
+    case.tally.add("stops at more than 5 % loss", stops)
+    return case.unsafe, case.recovered()
+
+
+def late_start(case: _Case) -> Fault:
+    """The first sample comes late."""
+    line = case.line
+    for _ in range(round(2 * LONGEST * case.share)):
+        line.advance()
+        if line.moves:
+            case.unsafe = case.unsafe or "allowed before the first sample"
+    return case.unsafe, case.recovered()
+
+
+def frozen(case: _Case) -> Fault:
+    """Encoders stand still, or the whole message does, while stamps go on and the robot moves."""
+    line, which = case.line, str(case.rng.choice(["all", "position"]))
+    line.run(WARM_UP)
+    while _pace(line) < SLOWEST:
+        line.run(1)
+    injector = FaultInjector(parse_faults(f"freeze:which={which}"), line.robot.mechanism)
+    injector.send(line.sample())  # which was delivered, and is what they freeze at
+    blind_ns = line.now_ns
+    for _ in range(WARM_UP):
+        line.advance()
+        line.deliver([one.sample for one in injector.send(line.sample())])
+        if which == "position" and _pace(line) < SLOWEST:
+            blind_ns = line.now_ns  # positions that stand while rest is reported contradict nothing
+        case.watch(blind_ns)
+    return case.unsafe, case.recovered()
+
+
+def _pace(line: Line) -> float:
+    """Speed of the fastest joint as a share of its limit."""
+    return max(abs(v) / limit for v, limit in zip(line.velocity, line.settings.velocity_limit, strict=True))
+
+
+def two_publishers(case: _Case) -> Fault:
+    """A second source of the same joints, somewhere else: at the same stamps, behind the first one, or in between."""
+    line, rng = case.line, case.rng
+    line.run(WARM_UP)
+    by = float(exp(rng.uniform(log(APART[0]), log(APART[1])))) * float(rng.choice([-1.0, 1.0]))
+    early_ns = int(rng.choice([0, 0, PERIOD_NS // 4, PERIOD_NS // 2]))
+    blind_ns = line.now_ns
+    for _ in range(2 * WARM_UP):
+        line.advance()
+        true = line.sample()
+        other = true._replace(position=tuple(q + by for q in true.position), stamp_ns=true.stamp_ns - early_ns)
+        if early_ns == 0:  # the second to say the same moment is a repetition, and adds nothing
+            line.deliver([true, other])
+            blind_ns = line.now_ns
+        else:
+            line.deliver([other, true])
+        case.watch(blind_ns)
+    return case.unsafe, case.recovered()

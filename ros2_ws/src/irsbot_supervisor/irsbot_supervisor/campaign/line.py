@@ -1,0 +1,133 @@
+"""A robot at work whose samples reach a supervisor: what is delivered is the campaign's choice, and so is what is true."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from itertools import islice
+
+import numpy as np
+
+from irsbot_kinematics import Robot
+from irsbot_kinematics.mechanism import Floats
+from irsbot_msgs_py.records import JointSample, Level, Reset, Tick, Verdict
+from irsbot_supervisor.campaign.motion import PERIOD_S, measured, work
+from irsbot_supervisor.core.intake import S
+from irsbot_supervisor.core.pipeline import Event, Step, Supervisor
+from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.settings_file import read_settings
+
+ROBOTS = ("irsbot2", "orthoglide", "rrr3")
+"""At work in these rows: rods in a plane, slides, a platform that turns."""
+
+BEGIN_NS = 1_700_000_000 * S
+"""ns: ROS time at which a line begins; the steady clock shows an hour then, and the two must not be mixed up."""
+STEADY_NS = 3600 * S
+PERIOD_NS = round(PERIOD_S * S)
+
+CYCLE = 2000
+"""Periods of work that are prepared, up to the last rest; the line begins somewhere in them and turns back at the end."""
+WARM_UP = 150
+"""Periods of good samples before anything goes wrong."""
+RECOVERY_LIMIT_S = 0.5
+"""s after a fault in which motion must be allowed again."""
+
+
+@lru_cache(maxsize=8)
+def prepared(name: str) -> tuple[Settings, Robot, tuple[tuple[Floats, Floats], ...]]:
+    """Settings, robot, and positions (as measured) and rates of its work, period by period."""
+    settings, robot = read_settings(name)
+    points = [(measured(q, settings), v) for q, v in islice(work(robot, settings), CYCLE)]
+    last = max(k for k, (_q, v) in enumerate(points) if max(map(abs, v)) <= settings.standstill_speed)
+    return settings, robot, tuple(points[: last + 1])
+
+
+class Line:
+    """One robot, its drives' motion, its supervisor, and both clocks. Time goes on period by period."""
+
+    def __init__(self, name: str, rng: np.random.Generator, settings: Settings | None = None) -> None:
+        shipped, self.robot, self._points = prepared(name)
+        self.settings = settings or shipped
+        self.supervisor = Supervisor(self.settings, self.robot)
+        self.verdict: Verdict | None = None
+        """The newest: what a consumer obeys."""
+        self.changes: list[tuple[int, Level]] = []
+        """When the level in force changed (steady clock), and to what."""
+        self.now_ns = STEADY_NS
+        self.ros_shift_ns = 0
+        """By how much the ROS clock has been set forward."""
+        self.standing = False
+        self._at, self._way = int(rng.integers(len(self._points) - 1)), 1
+        self._beat_ns = round(self.settings.heartbeat_s * S)
+        self._due_ns = STEADY_NS + int(rng.integers(self._beat_ns))
+
+    @property
+    def level(self) -> Level:
+        """In force: nothing heard means nothing known."""
+        return self.verdict.level if self.verdict is not None else Level.UNKNOWN
+
+    @property
+    def moves(self) -> bool:
+        """Whether motion is allowed."""
+        return self.level <= Level.WARN
+
+    # --- what is true ----------------------------------------------------------------------------------------------
+
+    @property
+    def position(self) -> Floats:
+        """Where the joints are, as encoders see it."""
+        return self._points[self._at][0]
+
+    @property
+    def velocity(self) -> Floats:
+        rates = self._points[self._at][1]
+        return (0.0,) * len(rates) if self.standing else tuple([self._way * rate for rate in rates])
+
+    @property
+    def received_ns(self) -> int:
+        """The ROS clock."""
+        return BEGIN_NS + self.now_ns - STEADY_NS + self.ros_shift_ns
+
+    def sample(self) -> JointSample:
+        """What the encoders say now, stamped now."""
+        ros_ns = self.received_ns
+        return JointSample(ros_ns, ros_ns, self.now_ns, self.settings.joint_names, self.position, self.velocity)
+
+    # --- what happens ------------------------------------------------------------------------------------------------
+
+    def advance(self) -> None:
+        """A period goes by: the robot moves on, the heart beats, nothing is delivered."""
+        if not self.standing:
+            if not 0 <= self._at + self._way < len(self._points):
+                self._way = -self._way
+            self._at += self._way
+        self.now_ns += PERIOD_NS
+        while self._due_ns <= self.now_ns:
+            shift_ns = self.received_ns - self.now_ns
+            self.feed(Tick(self._due_ns + shift_ns, self._due_ns))
+            self._due_ns += self._beat_ns
+
+    def feed(self, event: Event) -> Step:
+        """Deliver an event."""
+        step = self.supervisor.step(event)
+        if step.verdict is not None:
+            before, self.verdict = self.level, step.verdict
+            if self.level != before:
+                self.changes.append((event.seen_ns, self.level))
+        return step
+
+    def deliver(self, samples: Sequence[JointSample]) -> None:
+        """Deliver samples now, however they say they are stamped."""
+        for sample in samples:
+            self.feed(sample._replace(received_ns=self.received_ns, seen_ns=self.now_ns))
+
+    def run(self, periods: int) -> None:
+        """So many periods as they should be."""
+        for _ in range(periods):
+            self.advance()
+            self.feed(self.sample())
+
+    def reset(self) -> str:
+        """An operator resets the stop in force; returns why it was refused."""
+        number = self.verdict.event if self.verdict is not None else 0
+        return self.feed(Reset(self.received_ns, self.now_ns, number, "campaign")).refusal
