@@ -9,7 +9,8 @@ from rclpy.node import Node
 from irsbot_msgs_py.records import Cause, Level, Verdict
 from irsbot_supervisor.core.pipeline import Supervisor
 from irsbot_supervisor.core.settings import Settings
-from irsbot_supervisor.nodes.partners import Partners
+from irsbot_supervisor.nodes.partners import Finding, Partners
+from irsbot_supervisor.nodes.samples import Samples
 
 PERIOD_S = 1.0
 """s between diagnostic messages, the customary rate."""
@@ -35,8 +36,9 @@ _LEVELS = {
 class DiagnosticsPublisher:
     """Remembers the newest verdict and reports it, with the counts of rejected samples."""
 
-    def __init__(self, node: Node, settings: Settings, partners: Partners) -> None:
-        self._node, self._partners = node, partners
+    def __init__(self, node: Node, settings: Settings, partners: Partners, samples: Samples) -> None:
+        self._node, self._partners, self._samples = node, partners, samples
+        self._skipped = 0  # until the last report
         self._hardware = settings.robot
         self._verdict: Verdict | None = None
         self._supervisor: Supervisor | None = None
@@ -66,8 +68,16 @@ class DiagnosticsPublisher:
                 rejected = supervisor.rejections.items()
                 status.values = [KeyValue(key=f"rejected {c.name}", value=str(n)) for c, n in rejected]
             message.status.append(status)
-        for name, status_level, text in self._partners.look():
+        for name, status_level, text in (*self._partners.look(), self._rate()):
             status = DiagnosticStatus(level=status_level, hardware_id=self._hardware, message=text)
             status.name = f"{self._node.get_fully_qualified_name()}: {name}"
             message.status.append(status)
         self.publisher.publish(message)
+
+    def _rate(self) -> Finding:
+        """Whether all samples could be judged since the last report."""
+        skipped, self._skipped = self._samples.skipped - self._skipped, self._samples.skipped
+        if not skipped:
+            return Finding("joint states rate", DiagnosticStatus.OK, "every sample is judged")
+        text = f"{skipped} samples skipped for newer ones: more come than can be judged"
+        return Finding("joint states rate", DiagnosticStatus.WARN, text)

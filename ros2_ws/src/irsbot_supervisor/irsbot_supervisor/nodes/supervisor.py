@@ -15,12 +15,11 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.timer import Timer
-from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 from irsbot_kinematics import KinematicsError
-from irsbot_msgs_py.cdr import CdrError, decode_joint_state, encode_state, encode_verdict
-from irsbot_msgs_py.records import Configure, JointSample, Reset, Tick
+from irsbot_msgs_py.cdr import encode_state, encode_verdict
+from irsbot_msgs_py.records import Configure, Reset, Tick
 from irsbot_msgs_py.shell import run
 from irsbot_supervisor.core.pipeline import Event, Step, Supervisor
 from irsbot_supervisor.core.settings import InvalidSettings
@@ -32,9 +31,13 @@ from irsbot_supervisor.nodes.lifecycle import answer_every_request
 from irsbot_supervisor.nodes.markers import MarkersPublisher
 from irsbot_supervisor.nodes.parameters import changed_settings, declare_settings
 from irsbot_supervisor.nodes.partners import Partners
+from irsbot_supervisor.nodes.samples import Samples
 
 STREAM = QoSProfile(depth=200, reliability=ReliabilityPolicy.RELIABLE)
-"""Every sample counts; newest wins is a policy of the reader, not of the queue."""
+"""Every sample counts as long as all can be judged in time."""
+
+INLET = QoSProfile(depth=12, reliability=ReliabilityPolicy.RELIABLE)
+"""What waits longer is skipped for newer samples anyway, and every place may come to hold the largest message ever."""
 
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 JOURNAL = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -70,14 +73,14 @@ class SupervisorNode(LifecycleNode):
         self._states = kept(publisher(SingularityState, "~/state", STREAM), self.destroy_publisher)
         self._verdicts = kept(publisher(Verdict, "~/verdict", LATCHED), self.destroy_publisher)
         self._journal = kept(publisher(String, "~/journal", JOURNAL), self.destroy_publisher)
-        self._diagnostics = DiagnosticsPublisher(self, self._settings, Partners(self))
+        self._samples = Samples(self, INLET, self._step)
+        kept(self._samples.subscription, self.destroy_subscription)
+        self._diagnostics = DiagnosticsPublisher(self, self._settings, Partners(self), self._samples)
         kept(self._diagnostics.publisher, self.destroy_publisher)
         kept(self._diagnostics.timer, self.destroy_timer)
         self._markers = MarkersPublisher(self, self._robot, self._supervisor, self._frame)
         kept(self._markers.publisher, self.destroy_publisher)
         kept(self._markers.timer, self.destroy_timer)
-        samples = self.create_subscription(JointState, "joint_states", self._on_sample, STREAM, raw=True)
-        kept(samples, self.destroy_subscription)
         kept(self.create_service(ResetStop, "~/reset", self._on_reset), self.destroy_service)
         kept(self.create_service(CheckTrajectory, "~/check_trajectory", self._on_check), self.destroy_service)
         self._gate = CommandGate(self, self._settings, self._robot, self._supervisor, self._fail)
@@ -137,15 +140,8 @@ class SupervisorNode(LifecycleNode):
 
     # --- callbacks ---------------------------------------------------------------------------------------------
 
-    def _on_sample(self, data: bytes) -> None:
-        received_ns, seen_ns = self._now()
-        try:
-            sample = decode_joint_state(data, received_ns, seen_ns)
-        except CdrError:
-            sample = JointSample(0, received_ns, seen_ns, (), ())  # rejected for its names, and counted
-        self._step(sample)
-
     def _on_tick(self) -> None:
+        self._samples.settle()
         tick = Tick(*self._now())
         self._step(tick)
         if self._gate is not None:
