@@ -21,6 +21,9 @@ SUPERVISOR = "irsbot_supervisor.nodes.supervisor"
 JOINTS = "irsbot_supervisor.nodes.simulated_joints"
 RECORDER = "irsbot_supervisor.nodes.recorder"
 
+GATED = {"joint_trajectory": "command_out", "joint_velocity": "velocity_out"}
+"""Remaps of simulated joints that take their commands from the command gate."""
+
 DOMAINS = range(1, 101)
 """DDS domains whose ports are free on an ordinary Linux machine; 0 is everybody's default."""
 
@@ -39,11 +42,12 @@ class SuiteError(Exception):
 
 
 class Node(NamedTuple):
-    """One node to start: module, parameters, namespace."""
+    """One node to start. remaps: topic of the node -> topic it uses instead."""
 
     name: str
     module: str
     parameters: Mapping[str, Any]
+    remaps: Mapping[str, str] = {}
 
 
 class Suite:
@@ -67,6 +71,7 @@ class Suite:
     def start(self, node: Node) -> None:
         """Start a node; it prints into its own log file."""
         given = [part for name, value in node.parameters.items() for part in ("-p", f"{name}:={json.dumps(value)}")]
+        given += [part for topic, other in node.remaps.items() for part in ("-r", f"{topic}:={other}")]
         command = [sys.executable, "-m", node.module, "--ros-args", *self._arguments, *given]
         with (self._logs / f"{node.name}.log").open("wb") as log:
             self.processes[node.name] = subprocess.Popen(

@@ -3,10 +3,12 @@
 ros2 launch irsbot_supervisor supervision.launch.py robot:=irsbot2 namespace:=left simulate:=true
 """
 
+from collections.abc import Sequence
+
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
 from launch.conditions import IfCondition
-from launch.substitutions import LaunchConfiguration
+from launch.substitutions import LaunchConfiguration, PythonExpression
 from launch_ros.actions import Node
 
 ARGUMENTS = (
@@ -14,12 +16,23 @@ ARGUMENTS = (
     ("namespace", "", "namespace of all nodes and topics"),
     ("simulate", "true", "simulated joints in place of hardware"),
     ("scenario", "pick_and_place", "what the simulated joints do"),
+    ("gate", "false", "the simulated joints take commands through the command gate alone; scenario:=stand then"),
     ("record", "true", "record the run"),
     ("output", "", "new folder for the bag; empty: one named after the time"),
 )
 
 
-def _node(package: str, name: str, condition: IfCondition | None = None, **parameters: object) -> Node:
+def _gated(gated: str, free: str) -> PythonExpression:
+    return PythonExpression(["'", gated, "' if '", LaunchConfiguration("gate"), "' == 'true' else '", free, "'"])
+
+
+def _node(
+    package: str,
+    name: str,
+    condition: IfCondition | None = None,
+    remappings: Sequence[tuple[str, PythonExpression]] = (),
+    **parameters: object,
+) -> Node:
     return Node(
         package=package,
         executable=f"{name}_node",
@@ -27,6 +40,7 @@ def _node(package: str, name: str, condition: IfCondition | None = None, **param
         parameters=[parameters],
         output="screen",
         condition=condition,
+        remappings=list(remappings),
     )
 
 
@@ -46,6 +60,11 @@ def generate_launch_description() -> LaunchDescription:
                 simulate,
                 robot=robot,
                 scenario=LaunchConfiguration("scenario"),
+                gated=LaunchConfiguration("gate"),
+                remappings=[
+                    ("joint_trajectory", _gated("command_out", "joint_trajectory")),
+                    ("joint_velocity", _gated("velocity_out", "joint_velocity")),
+                ],
             ),
         ]
     )

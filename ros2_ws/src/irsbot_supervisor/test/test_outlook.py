@@ -130,7 +130,10 @@ def checked(name: str, at: irs.Posture, rates, ahead_s: float, error: Array, see
     met = worst_along(robot, path, at).min(axis=0)
     floor = np.array(outlook.floor)
     assert not np.isnan(floor).any()
-    assert (floor <= np.maximum(met, 0.0) + 1e-6).all(), f"{name}: promised {floor}, met {met} from {at.joints} {rates}"
+    there = np.isfinite(margins_of(at))  # a margin that the robot does not have is infinite, assembled or not
+    assert np.isinf(floor[~there]).all()
+    kept = floor[there] <= np.maximum(met[there], 0.0) + 1e-6
+    assert kept.all(), f"{name}: promised {floor}, met {met} from {at.joints} {rates}"
     return floor, met
 
 
@@ -221,3 +224,14 @@ def test_the_constraint_margin_of_an_irsbot2_is_a_number_wherever_it_is_assemble
                 assert 0.0 <= at.constraint <= 1.5
                 floor = robot.mechanism.guarantee(at, (0.05, 0.05)).constraint
                 assert 0.0 <= floor <= at.constraint + 1e-12
+
+
+@pytest.mark.parametrize("name", ["five_bar", "irsbot2", "orthoglide"])
+def test_a_margin_that_a_robot_does_not_have_is_never_a_reason(name: str):
+    """Where nothing can be bounded, all margins that there are fall to 0, and no others."""
+    settings, robot = shipped(name)
+    at = postures(name, 20, 0.3)[0]
+    outlook = Foresight(settings, robot.mechanism).foresee(at, settings.velocity_limit, 100.0)
+    there = [True, True, at.constraint == at.constraint, bool(at.limb)]
+    assert [floor == 0.0 for floor in outlook.floor] == there
+    assert [floor == inf for floor in outlook.floor] == [not here for here in there]

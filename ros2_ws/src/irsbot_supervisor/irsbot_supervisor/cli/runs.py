@@ -22,8 +22,8 @@ from irsbot_supervisor.settings_file import read_settings, robot_of, shipped_val
 from irsbot_supervisor.sim.scenario_file import read_scenario, scenario_names
 from irsbot_supervisor.sim.scenarios import Scenario
 from irsbot_supervisor.sim.scenarios import plan as plan_motion
-from irsbot_supervisor.sim.simulation import simulation_from
-from irsbot_supervisor.suite import JOINTS, KINEMATICS, RECORDER, SUPERVISOR, Node, Suite, free_domain
+from irsbot_supervisor.sim.simulation import STANDING, simulation_from
+from irsbot_supervisor.suite import GATED, JOINTS, KINEMATICS, RECORDER, SUPERVISOR, Node, Suite, free_domain
 
 START_DELAY_S = 1.0
 """s the robot stands still at first, so that everybody has found everybody."""
@@ -95,8 +95,13 @@ def up(
     scenario: Annotated[str, typer.Option(help="what the simulated joints do")] = "pick_and_place",
     folder: Annotated[Path | None, typer.Option("--out", help="folder for the bag; a new one under runs/")] = None,
     domain: Annotated[int, typer.Option(help="DDS domain")] = 0,
+    gate: Annotated[
+        bool, typer.Option("--gate", help="the joints take commands through the command gate alone")
+    ] = False,
 ) -> None:
     """Run the suite until Ctrl-C: simulated joints, kinematics, supervisor, recorder.
+
+    With --gate the robot stands and waits: command it on `command_in` (trajectories) or `velocity_in`.
 
     Example: irsbot up --robot irsbot2 --namespace left
     """
@@ -108,7 +113,8 @@ def up(
         suite.start(Node("recorder", RECORDER, {"output": str(target / "bag")}))
         suite.start(Node("kinematics", KINEMATICS, {"robot": robot}))
         suite.start(Node("supervisor", SUPERVISOR, {"robot": robot}))
-        suite.start(Node("simulated_joints", JOINTS, {"robot": robot, "scenario": scenario}))
+        drives = {"robot": robot, "scenario": STANDING if gate else scenario, "gated": gate}
+        suite.start(Node("simulated_joints", JOINTS, drives, GATED if gate else {}))
         out.print(f"up on DDS domain {domain}, logs and bag under {target}; Ctrl-C ends it")
         while True:
             suite.check()

@@ -63,7 +63,7 @@ class Foresight:
                 stop_s = time_s
         stop_s += latency
         if not stop_s < inf:
-            return Outlook((0.0, 0.0, 0.0, 0.0), tuple(travel), inf)
+            return Outlook(nothing_of(at), tuple(travel), inf)
         whole = self._mechanism.guarantee(at, reach, self._slack_m)
         floor = floor_of(whole)
         wanted = wanted or self._wanted
@@ -84,10 +84,12 @@ class Foresight:
     def _cut(self, at: Posture, velocity: Floats, latency_s: float, stop_s: float, wanted: Margins) -> Margins:
         """Bounds along the path in stretches; the stretch farthest below what is wanted is cut next."""
         stretches: list[Stretch] = []
+        nothing = nothing_of(at)
 
         def add(start: float, end: float, begin: Posture) -> Posture:
             first, last = (self.position(at.joints, velocity, latency_s, time_s) for time_s in (start, end))
-            lack, floor, after = self._bound(begin, first, last, wanted)
+            floor, after = self._bound(begin, first, last, nothing)
+            lack = min([have - want for have, want in zip(floor, wanted, strict=True)])
             heappush(stretches, (lack, start, end, floor, begin))
             return after
 
@@ -107,10 +109,10 @@ class Foresight:
             min([f[3] for f in floors]),
         )
 
-    def _bound(self, begin: Posture, first: Floats, last: Floats, wanted: Margins) -> tuple[float, Margins, Posture]:
-        """What the worst margin has above what is wanted, and all of them, anywhere between two joint positions; and
-        a posture of the same branch for the next stretch. begin: such a posture, the one at `first` if labels fail."""
-        floor, after = (0.0, 0.0, 0.0, 0.0), begin
+    def _bound(self, begin: Posture, first: Floats, last: Floats, nothing: Margins) -> tuple[Margins, Posture]:
+        """Bounds of the margins anywhere between two joint positions, `nothing` if there are none; and a posture of
+        the same branch for the next stretch. begin: such a posture, the one at `first` if labels fail."""
+        floor, after = nothing, begin
         if begin.status == SOLVED:
             middle = tuple([0.5 * (a + b) for a, b in zip(first, last, strict=True)])
             at = self._mechanism.track(middle, begin)
@@ -119,13 +121,18 @@ class Foresight:
                 floor = floor_of(self._mechanism.guarantee(at, half, self._slack_m))
             if not self._mechanism.labels_hold:  # both ways lie in the box whose margins are bounded
                 after = self._mechanism.track(last, at) if at.status == SOLVED else at
-        return min([have - want for have, want in zip(floor, wanted, strict=True)]), floor, after
+        return floor, after
 
 
 def floor_of(guarantee: Guarantee) -> Margins:
     """A guarantee as four margins; infinite where the mechanism has none."""
     type1, type2, constraint, limb = guarantee
     return min(type1), type2, constraint if constraint == constraint else inf, min(limb) if limb else inf
+
+
+def nothing_of(at: Posture) -> Margins:
+    """What is known where nothing can be bounded; infinite where the mechanism of a solved posture has no margin."""
+    return 0.0, 0.0, 0.0 if at.constraint == at.constraint else inf, 0.0 if at.limb else inf
 
 
 def limits_of(settings: Settings, which: str) -> Margins:
