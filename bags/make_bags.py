@@ -31,7 +31,10 @@ class Run(NamedTuple):
     scenario: str
     seconds: float
     faults: str = ""
-    obey: bool = True
+    resets_s: tuple[float, ...] = ()
+    """When an operator wants to end the stop in force."""
+    cycle_s: float = 0.0
+    """How long the scenario works before it does something else, a whole cycle at least; 0: as it says."""
 
 
 RUNS = {
@@ -39,8 +42,16 @@ RUNS = {
     "workspace_boundary": Run("irsbot2", "workspace_boundary", 1.2),
     "type2": Run("irsbot2_beta45", "type2", 1.2),
     "constraint": Run("irsbot2_csc", "constraint", 1.2),
+    "orthoglide": Run("orthoglide", "demo", 2.0, cycle_s=1e-3),
+    "stop_and_reset": Run(
+        "irsbot2", str(HERE / "down_and_up.yaml"), 1.4, "latency:by=0.03,at=0.3,lasting=0.15", (0.37, 0.8)
+    ),
     "nan_positions": Run("irsbot2", "pick_and_place", 1.2, "nan:count=10,at=0.6"),
     "drop_out": Run("irsbot2", "pick_and_place", 1.4, "drop:count=100,at=0.6"),
+    "glitch": Run("irsbot2", "pick_and_place", 1.2, "glitch:count=1,at=0.55"),
+    "frozen_encoder": Run("irsbot2", "pick_and_place", 1.2, "freeze:which=position,at=0.55,lasting=0.2"),
+    "clock_step": Run("irsbot2", "pick_and_place", 1.2, "stamp_shift:by=1.0,at=0.55,lasting=0.2"),
+    "mode_flip": Run("irsbot2", "pick_and_place", 1.2, "mode_flip:at=0.55,lasting=0.1", (0.62, 0.9)),
 }
 
 
@@ -61,16 +72,16 @@ def make(name: str, run: Run) -> None:
     settings, robot = read_settings(run.robot)
     shipped = shipped_values(robot)
     values = {key: shipped[key] for key in ("velocity_limit", "deceleration_limit") if key in shipped}
-    values |= {"robot": run.robot, "scenario": run.scenario, "rate_hz": RATE_HZ, "obey": run.obey}
+    values |= {"robot": run.robot, "scenario": run.scenario, "rate_hz": RATE_HZ, "cycle_s": run.cycle_s}
     simulation = simulation_from({**values, "encoder_resolution": settings.encoder_resolution}, robot)
     folder = HERE / name
     story = (folder / "expected.json").read_text() if (folder / "expected.json").is_file() else None
     shutil.rmtree(folder, ignore_errors=True)
-    record(cycles(simulation, robot, settings, run.faults or None), run.seconds, robot, settings, folder)
+    record(cycles(simulation, robot, settings, run.faults or None, run.resets_s), run.seconds, robot, settings, folder)
     if story is not None:
         (folder / "expected.json").write_text(story)
     size = sum(file.stat().st_size for file in folder.iterdir())
-    print(f"{name}: {run.seconds} s of {run.scenario} with {run.robot}, {size / 1024:.0f} KiB")
+    print(f"{name}: {run.seconds} s of {Path(run.scenario).stem} with {run.robot}, {size / 1024:.0f} KiB")
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ supervisor and obedience as in the nodes; a message arrives in the cycle in whic
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -49,10 +50,18 @@ class Cycle(NamedTuple):
     states: tuple[SingularityState, ...]
     verdicts: tuple[Verdict, ...]
     level: Level  # in force after this cycle
+    resets: tuple[Reset, ...] = ()  # what an operator asked for
 
 
-def cycles(simulation: Simulation, robot: Robot, settings: Settings, faults: str | None = None) -> Iterator[Cycle]:
-    """The run of a scenario, cycle by cycle, for ever. faults: a fault line in place of the scenario's.
+def cycles(
+    simulation: Simulation,
+    robot: Robot,
+    settings: Settings,
+    faults: str | None = None,
+    resets_s: Sequence[float] = (),
+) -> Iterator[Cycle]:
+    """The run of a scenario, cycle by cycle, for ever. faults: a fault line in place of the scenario's. resets_s: when
+    an operator wants to end the stop in force, in ascending order.
 
     Raises SimulationError for a simulation that cannot be driven.
     """
@@ -65,7 +74,8 @@ def cycles(simulation: Simulation, robot: Robot, settings: Settings, faults: str
     period_ns = round(simulation.period_s * S)
     heartbeat_ns = round(settings.heartbeat_s * S)
     supervisor.step(Tick(BEGIN_NS, STEADY_NS))  # silence counts from the moment in which the settings come into force
-    due_ns, elapsed_ns, level = STEADY_NS, 0, Level.UNKNOWN
+    due_ns, elapsed_ns, level, event = STEADY_NS, 0, Level.UNKNOWN, 0
+    asked = deque(round(reset_s * S) for reset_s in resets_s)
     while True:
         elapsed_ns += period_ns
         seen_ns, now_ns = STEADY_NS + elapsed_ns, BEGIN_NS + elapsed_ns
@@ -78,13 +88,18 @@ def cycles(simulation: Simulation, robot: Robot, settings: Settings, faults: str
         if seen_ns >= due_ns:
             due_ns += heartbeat_ns
             steps.append(supervisor.step(Tick(now_ns, seen_ns)))
+        resets = []
+        while asked and asked[0] <= elapsed_ns:
+            asked.popleft()
+            resets.append(Reset(now_ns, seen_ns, event, "operator"))
+            steps.append(supervisor.step(resets[-1]))
         verdicts = tuple(step.verdict for step in steps if step.verdict is not None)
         for verdict in verdicts:
             obedience.hear(verdict.level, verdict.speed_scale, seen_ns)
-            level = verdict.level
+            level, event = verdict.level, verdict.event
         joints = machine.drives.now
         states = tuple(step.state for step in steps if step.state is not None)
-        yield Cycle(now_ns, joints.position, joints.velocity, sent, states, verdicts, level)
+        yield Cycle(now_ns, joints.position, joints.velocity, sent, states, verdicts, level, tuple(resets))
 
 
 def record(run: Iterator[Cycle], seconds: float, robot: Robot, settings: Settings, target: Path) -> None:
@@ -97,6 +112,8 @@ def record(run: Iterator[Cycle], seconds: float, robot: Robot, settings: Setting
                 break
             for sample in cycle.sent:
                 tape.add("joint_states", sample, cycle.now_ns)
+            for reset in cycle.resets:
+                tape.add("supervisor/journal", write_entry(reset), cycle.now_ns)
             for state in cycle.states:
                 tape.add("supervisor/state", state, cycle.now_ns)
             for verdict in cycle.verdicts:

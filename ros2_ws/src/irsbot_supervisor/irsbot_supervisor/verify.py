@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
-from irsbot_msgs_py.records import Cause, Level
 from irsbot_supervisor.core.intake import S
-from irsbot_supervisor.mcap_writer import BagError
 from irsbot_supervisor.replay import Chapter, Judged, Recording, cause_names
+from irsbot_supervisor.story import MEASURES, Expected, Story, Told, levels_of, measures_of
 
 
 class Check(NamedTuple):
@@ -61,61 +58,53 @@ def _state_faults(recording: Recording, judged: Judged) -> list[str]:
     return faults
 
 
-def against_story(judged: Judged, story: Mapping[str, Any]) -> Check:
-    """The chapters' levels, in order, against the story of an expectation file (see `read_story`).
+def against_story(recording: Recording, judged: Judged, story: Story) -> list[Check]:
+    """The levels of a run and its measures against an expectation file. Times count from the first chapter."""
+    if story.draft:
+        fault = 'this is a draft, written by a program: a person has to read it and delete its line "draft"'
+        return [Check("expected story", (fault,))]
+    checks = []
+    if story.levels is not None:
+        checks.append(Check("expected story", tuple(_level_faults(judged, story.levels))))
+    if story.measures:
+        checks.append(Check("expected measures", tuple(_measure_faults(recording, judged, story))))
+    return checks
 
-    A chapter in which only causes change belongs to the one before. Times count from the first sample's chapter.
-    """
-    told = _levels(judged.chapters)
-    expected = story["story"]
+
+def _level_faults(judged: Judged, expected: Sequence[Expected]) -> list[str]:
+    told = levels_of(judged.chapters)
+    wanted = _without_missing(expected, told)
     begin = judged.chapters[0].since_ns if judged.chapters else 0
     faults = []
-    if len(told) != len(expected):
-        found = ", ".join(level.name for level, _since, _causes in told)
-        faults.append(f"expected {', '.join(str(entry['level']) for entry in expected)}; found {found}")
-    for number, (entry, (level, since_ns, causes)) in enumerate(zip(expected, told, strict=False), 1):
-        since_s = (since_ns - begin) / S
-        low, high = entry.get("since_s", (float("-inf"), float("inf")))
-        wanted = _mask(entry.get("causes", ()))
-        if level.name != entry["level"]:
-            faults.append(f"chapter {number} at {since_s:.3f} s is {level.name}, expected {entry['level']}")
-        elif causes & wanted != wanted:
-            faults.append(f"chapter {number} has {cause_names(causes)}, expected {cause_names(wanted)} among them")
+    if len(told) != len(wanted):
+        names = (", ".join(entry.level.name for entry in entries) for entries in (wanted, told))
+        faults.append("expected {}; found {}".format(*names))
+    for number, (want, have) in enumerate(zip(wanted, told, strict=False), 1):
+        since_s, (low, high) = (have.since_ns - begin) / S, want.since_s
+        if have.level != want.level:
+            faults.append(f"chapter {number} at {since_s:.3f} s is {have.level.name}, expected {want.level.name}")
+        elif have.causes & want.causes != want.causes:
+            causes = cause_names(want.causes)
+            faults.append(f"chapter {number} has {cause_names(have.causes)}, expected {causes} among them")
         elif not low <= since_s <= high:
-            faults.append(f"chapter {number} ({level.name}) begins at {since_s:.3f} s, expected {low} to {high} s")
-    return Check("expected story", tuple(faults))
+            faults.append(f"chapter {number} ({have.level.name}) begins at {since_s:.3f} s, expected {low} to {high} s")
+    return faults
 
 
-def read_story(path: Path) -> dict[str, Any]:
-    """An expectation file: {"story": [{"level": "STOP", "causes": ["TYPE2"], "since_s": [low, high]}, ...]}.
-
-    `causes` must be among those found, `since_s` bounds the begin; both may be left out. Raises BagError.
-    """
-    try:
-        said = json.loads(path.read_text(encoding="utf-8"))
-        for entry in said["story"]:
-            Level[entry["level"]]
-            _mask(entry.get("causes", ()))
-            low, high = entry.get("since_s", (0.0, 0.0))
-            float(low), float(high)
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise BagError(f"{path} is no expectation file: {type(error).__name__} {error}") from None
-    return dict(said)
+def _without_missing(expected: Sequence[Expected], told: Sequence[Told]) -> list[Expected]:
+    """The expected levels, less those that may be missing and are."""
+    found: list[Expected] = []
+    for want in expected:
+        here = told[len(found)].level if len(found) < len(told) else None
+        if not want.optional or want.level == here:
+            found.append(want)
+    return found
 
 
-def _levels(chapters: Sequence[Chapter]) -> list[tuple[Level, int, int]]:
-    merged: list[tuple[Level, int, int]] = []
-    for chapter in chapters:
-        if merged and merged[-1][0] == chapter.level:
-            level, since_ns, causes = merged[-1]
-            merged[-1] = level, since_ns, causes | chapter.causes
-        else:
-            merged.append((chapter.level, chapter.since_ns, chapter.causes))
-    return merged
-
-
-def _mask(names: Sequence[str]) -> int:
-    mask = 0
-    for name in names:
-        mask |= int(Cause[name])
-    return mask
+def _measure_faults(recording: Recording, judged: Judged, story: Story) -> list[str]:
+    found = measures_of(recording, judged, story)
+    return [
+        f"{name} is {found[name]:.4g}, expected {low:g} to {high:g}: {MEASURES[name]}"
+        for name, (low, high) in story.measures.items()
+        if not low <= found[name] <= high
+    ]

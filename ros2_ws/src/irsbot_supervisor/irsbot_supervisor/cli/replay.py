@@ -9,15 +9,19 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from irsbot_supervisor.cli.common import Failed, existing, out, print_json
+from irsbot_supervisor.cli.common import Failed, err, existing, out, print_json
 from irsbot_supervisor.core.intake import S
 from irsbot_supervisor.replay import Judged, cause_names, judge_again, read_recording
-from irsbot_supervisor.verify import Check, against_recording, against_story, read_story
+from irsbot_supervisor.story import measures_of, read_story, write_draft
+from irsbot_supervisor.verify import Check, against_recording, against_story
 
 
 def replay(
     bag: Annotated[Path, typer.Argument(help="MCAP file, or a folder with one")],
     expect: Annotated[Path | None, typer.Option(help="expectation file; expected.json beside the bag if there")] = None,
+    write_expect: Annotated[
+        Path | None, typer.Option(help="write a draft of an expectation file, to be edited")
+    ] = None,
     junit: Annotated[Path | None, typer.Option(help="write a JUnit report here")] = None,
     robot: Annotated[str, typer.Option(help="for bags without a supervisor: preset or YAML file")] = "irsbot2",
     as_json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
@@ -30,15 +34,22 @@ def replay(
     judged = judge_again(recording, robot)
     checks = against_recording(recording, judged)
     beside = bag / "expected.json" if bag.is_dir() else bag.with_name("expected.json")
-    story = expect or (beside if beside.is_file() else None)
+    file = expect or (beside if beside.is_file() else None)
+    story = read_story(file) if file is not None else None
     if story is not None:
-        checks.append(against_story(judged, read_story(story)))
+        checks += against_story(recording, judged, story)
+    measures = measures_of(recording, judged, story)
     if junit is not None:
         write_junit(junit, bag.stem, checks)
     if as_json:
-        print_json({"bag": bag, "chapters": _rows(judged), "checks": [check._asdict() for check in checks]})
+        print_json(
+            {"bag": bag, "chapters": _rows(judged), "measures": measures, "checks": [c._asdict() for c in checks]}
+        )
     else:
-        _print(judged, checks, recording.loss)
+        _print(judged, checks, recording.loss, measures)
+    if write_expect is not None:
+        write_draft(recording, judged, write_expect)
+        err.print(f'draft written to {write_expect}: it counts when a person has read it and deleted its line "draft"')
     if broken := [check for check in checks if check.faults]:
         raise Failed(f"{broken[0].name}: {len(broken[0].faults)} difference(s), the first: {broken[0].faults[0]}")
 
@@ -69,7 +80,7 @@ def _rows(judged: Judged) -> list[dict[str, object]]:
     ]
 
 
-def _print(judged: Judged, checks: list[Check], loss: str) -> None:
+def _print(judged: Judged, checks: list[Check], loss: str, measures: dict[str, float]) -> None:
     table = Table("time [s]", "level", "causes", "finding")
     for row in _rows(judged):
         table.add_row(f"{row['time_s']:.3f}", str(row["level"]), str(row["causes"]), str(row["text"]))
@@ -82,5 +93,6 @@ def _print(judged: Judged, checks: list[Check], loss: str) -> None:
     if judged.missing:
         counts += f", {judged.missing} that it saw are not in the bag"
     out.print(counts)
+    out.print(", ".join(f"{name} {value:.4g}" for name, value in measures.items() if value == value))
     for check in checks:
         out.print(f"{check.name}: {'same' if not check.faults else f'{len(check.faults)} difference(s)'}")

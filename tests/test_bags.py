@@ -1,0 +1,79 @@
+"""Every recorded run tells its story again, and the ways to a test of one's own work as bags/README.md says."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from irsbot_supervisor.replay import judge_again, read_recording
+from irsbot_supervisor.story import read_story
+from irsbot_supervisor.verify import against_recording, against_story
+
+ROOT = Path(__file__).parents[1]
+BAGS = sorted(path.parent for path in (ROOT / "bags").glob("*/expected.json"))
+IRSBOT = [sys.executable, "-m", "irsbot_supervisor"]
+PATIENCE_S = 60.0
+
+
+@pytest.mark.parametrize("bag", BAGS, ids=lambda bag: bag.name)
+def test_every_bag_tells_its_story_again(bag: Path) -> None:
+    recording = read_recording(bag)
+    judged = judge_again(recording)
+    assert judged == judge_again(recording), "two replays differ"
+    assert (judged.unseen, judged.missing) == (0, 0)
+    story = read_story(bag / "expected.json")
+    assert story.levels
+    assert story.measures
+    for check in (*against_recording(recording, judged), *against_story(recording, judged, story)):
+        assert check.faults == (), check.name
+    assert sum(file.stat().st_size for file in bag.iterdir()) < 1_000_000
+
+
+def test_there_are_ten_bags_and_the_list_of_them_is_complete() -> None:
+    listed = re.findall(r"^\| (\w+) \| \w+ \| .* \|$", (ROOT / "bags" / "README.md").read_text(), re.MULTILINE)
+    assert sorted(listed[listed.index("pick_and_place") :]) == [bag.name for bag in BAGS]
+    assert len(BAGS) >= 10
+
+
+def test_a_bag_becomes_a_test_that_fails_until_a_person_has_read_it(tmp_path: Path) -> None:
+    bag = shutil.copytree(ROOT / "bags" / "type2", tmp_path / "mine", ignore=shutil.ignore_patterns("expected.json"))
+    draft = bag / "expected.json"
+
+    def replay(*more: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run([*IRSBOT, "replay", str(bag), *more], capture_output=True, text=True, timeout=PATIENCE_S)
+
+    assert replay("--write-expect", str(draft)).returncode == 0
+    unread = replay()
+    assert unread.returncode == 1
+    assert "a person has to read it" in unread.stderr
+    said = json.loads(draft.read_text())
+    del said["draft"]
+    draft.write_text(json.dumps(said))
+    assert replay().returncode == 0
+    again = replay("--write-expect", str(draft))
+    assert again.returncode == 2
+    assert "never replaced" in again.stderr
+    said["story"][-1]["causes"] = ["LIMB"]
+    draft.write_text(json.dumps(said))
+    assert replay().returncode == 1
+
+
+def test_the_lines_for_ci_report_every_bag_and_fail_if_one_differs(tmp_path: Path) -> None:
+    lines = re.findall(r"```sh\n(.*?)```", (ROOT / "bags" / "README.md").read_text(), re.DOTALL)
+    script = "".join(lines).replace("./irsbot", " ".join(IRSBOT))
+    for name in ("type2", "constraint"):
+        shutil.copytree(ROOT / "bags" / name, tmp_path / "bags" / name)
+    good = subprocess.run(["bash", "-c", script], cwd=tmp_path, capture_output=True, text=True, timeout=PATIENCE_S)
+    assert good.returncode == 0, good.stderr
+    assert 'failures="0"' in (tmp_path / "report_type2.xml").read_text()
+    (tmp_path / "bags" / "constraint" / "expected.json").write_text('{"false_stops": 0, "hold_share": 0}')
+    bad = subprocess.run(["bash", "-c", script], cwd=tmp_path, capture_output=True, text=True, timeout=PATIENCE_S)
+    assert bad.returncode == 1
+    assert 'failures="1"' in (tmp_path / "report_constraint.xml").read_text()
+    assert (tmp_path / "report_type2.xml").exists()
