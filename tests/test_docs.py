@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 
 from irsbot_kinematics import robots
+from irsbot_kinematics.conformance import LAWS
+from irsbot_kinematics.mechanisms import TOPOLOGIES
 from irsbot_msgs_py.records import Cause
 
 ROOT = Path(__file__).parents[1]
@@ -62,3 +64,12 @@ def test_the_readme_shows_robots_that_exist() -> None:
     named = set(re.findall(r"robot:?=(\w+)", (ROOT / "README.md").read_text()))
     assert named
     assert named <= set(robots())
+
+
+def test_every_mechanism_has_its_drawing_and_every_drawing_is_small() -> None:
+    page = (ROOT / "docs" / "mechanisms.md").read_text()
+    drawn = set(re.findall(r"\]\(pictures/(\w+)\.png\)", page))
+    assert drawn == {*TOPOLOGIES, "prr3"}
+    for name in drawn:
+        assert (ROOT / "docs" / "pictures" / f"{name}.png").stat().st_size < 60_000
+    assert f"tries {len(LAWS) + 1} laws" in page
