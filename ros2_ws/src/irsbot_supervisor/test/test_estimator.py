@@ -300,6 +300,15 @@ def test_an_offset_of_the_rates_below_standstill_is_no_motion():
         good(filter_.update(accepted(k, (0.5, 1.0), (0.019, -0.019))))
 
 
+@pytest.mark.parametrize(("moved", "lost"), [(0.6, False), (-0.6, False), (1.0, True), (-3.0, True)])
+def test_when_the_clock_of_the_sender_was_set_back_a_jump_is_told_by_the_steady_clock(moved, lost):
+    """In the 60 ms that pass a joint gets 0.72 rad far at 12 rad/s, and a quarter more is borne with."""
+    filter_ = estimator()
+    watch(filter_, moving((0.0, 0.0), (0.0, 0.0), 0, 50))
+    good(filter_.update(accepted(-5000, (moved, 1.0), (0.0, 0.0), seen_ms=49 + 60)))
+    assert filter_.lost_track is lost
+
+
 # --- settings ---------------------------------------------------------------------------------------------------
 
 

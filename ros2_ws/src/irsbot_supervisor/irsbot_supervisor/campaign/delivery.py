@@ -5,13 +5,11 @@ What is true is known here: when a true sample arrived last, and since when what
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import exp, log
 
-import numpy as np
-
-from irsbot_supervisor.campaign.line import PERIOD_NS, RECOVERY_LIMIT_S, ROBOTS, WARM_UP, Line
-from irsbot_supervisor.campaign.rows import FALSE_STOPS, RECOVERY_S, TO_STOP_S, Job, Row, Tally
+from irsbot_supervisor.campaign.case import Case, Fault, take_turns
+from irsbot_supervisor.campaign.line import PERIOD_NS, WARM_UP, Line
+from irsbot_supervisor.campaign.rows import FALSE_STOPS, Job, Row
 from irsbot_supervisor.core.intake import S
 from irsbot_supervisor.sim.faults import FaultInjector, parse_faults
 
@@ -32,65 +30,13 @@ SLOWEST = 0.1
 APART = (0.02, 1.0)
 """rad or m by which two publishers differ, least and most: nearer ones are noise."""
 
-Fault = tuple[str, str]
-"""What was unsafe, and what failed; empty for nothing."""
-
 
 def run(job: Job) -> Row:
-    """The row: a case is one fault on a robot at work. All kinds take turns."""
-    tally = Tally(NAME, job)
-    tally.figures.update({FALSE_STOPS: 0.0, TO_STOP_S: 0.0, RECOVERY_S: 0.0})
-    kinds: tuple[Callable[[_Case], Fault], ...] = (drop_out, loss, late_start, frozen, two_publishers)
-    for k in range(job.amount):
-        kind, turn = kinds[k % len(kinds)], k // len(kinds)
-        share = (turn + 0.5) / -(-job.amount // len(kinds))
-        name = ROBOTS[turn % len(ROBOTS)]
-        unsafe, failed = kind(_Case(name, share, np.random.default_rng([job.seed, k]), tally))
-        where = f"{name}, {kind.__name__} {share:.3f}"
-        tally.case(unsafe and f"{where}: {unsafe}", failed and f"{where}: {failed}")
-    return tally.row()
+    """The row: a case is one fault on a robot at work."""
+    return take_turns(NAME, job, (drop_out, loss, late_start, frozen, two_publishers))
 
 
-class _Case:
-    """One line, what has been seen to go wrong on it, and how far in the range of its kind it lies (0..1)."""
-
-    def __init__(self, name: str, share: float, rng: np.random.Generator, tally: Tally) -> None:
-        self.line, self.share, self.rng, self.tally = Line(name, rng), share, rng, tally
-        settings = self.line.settings
-        self.limit_ns = round((settings.stale_s + settings.heartbeat_s) * S)
-        self.unsafe = ""
-        self.stopped = False
-        """Motion was forbidden at some time while watching."""
-
-    def watch(self, blind_ns: int) -> None:
-        """Look at the verdict after a period. blind_ns: when what is delivered last was true (steady clock)."""
-        line = self.line
-        late_ns = line.now_ns - blind_ns
-        if not line.moves:
-            if not self.stopped:
-                self.tally.largest(TO_STOP_S, late_ns / S)
-            self.stopped = True
-        elif late_ns > self.limit_ns:
-            self.unsafe = self.unsafe or f"{line.level.name} {late_ns / S:.3f} s after the last true sample"
-
-    def recovered(self) -> str:
-        """Good samples again: why motion is not allowed in time, or empty. What is latched is reset at standstill."""
-        line, begin_ns = self.line, self.line.now_ns
-        for _ in range(round(RECOVERY_LIMIT_S * S / PERIOD_NS)):
-            if line.moves:
-                break
-            line.run(1)
-            if line.verdict is not None and line.verdict.latched and not line.standing:
-                line.standing = True
-                line.run(WARM_UP)
-                begin_ns = line.now_ns
-                if refusal := line.reset():
-                    return f"a reset is refused: {refusal}"
-        self.tally.largest(RECOVERY_S, (line.now_ns - begin_ns) / S)
-        return "" if line.moves else f"still {line.level.name} after {RECOVERY_LIMIT_S} s"
-
-
-def drop_out(case: _Case) -> Fault:
+def drop_out(case: Case) -> Fault:
     """Nothing for 1..1000 periods."""
     line = case.line
     line.run(WARM_UP)
@@ -103,10 +49,13 @@ def drop_out(case: _Case) -> Fault:
     line.run(WARM_UP)
     if periods <= HARMLESS and len(line.changes) > before:
         failed = failed or f"{periods} lost periods changed the verdict"
+    if case.stopped and (periods + 1) * PERIOD_NS <= line.settings.stale_s * S:
+        case.tally.add(FALSE_STOPS)
+        failed = failed or f"stopped although {periods} lost periods are within the stale limit"
     return case.unsafe, failed
 
 
-def loss(case: _Case) -> Fault:
+def loss(case: Case) -> Fault:
     """Samples lost at random, each with the same probability."""
     line, share = case.line, MOST_LOSS * case.share
     line.run(WARM_UP)
@@ -128,7 +77,7 @@ def loss(case: _Case) -> Fault:
     return case.unsafe, case.recovered()
 
 
-def late_start(case: _Case) -> Fault:
+def late_start(case: Case) -> Fault:
     """The first sample comes late."""
     line = case.line
     for _ in range(round(2 * LONGEST * case.share)):
@@ -138,7 +87,7 @@ def late_start(case: _Case) -> Fault:
     return case.unsafe, case.recovered()
 
 
-def frozen(case: _Case) -> Fault:
+def frozen(case: Case) -> Fault:
     """Encoders stand still, or the whole message does, while stamps go on and the robot moves."""
     line, which = case.line, str(case.rng.choice(["all", "position"]))
     line.run(WARM_UP)
@@ -161,7 +110,7 @@ def _pace(line: Line) -> float:
     return max(abs(v) / limit for v, limit in zip(line.velocity, line.settings.velocity_limit, strict=True))
 
 
-def two_publishers(case: _Case) -> Fault:
+def two_publishers(case: Case) -> Fault:
     """A second source of the same joints, somewhere else: at the same stamps, behind the first one, or in between."""
     line, rng = case.line, case.rng
     line.run(WARM_UP)

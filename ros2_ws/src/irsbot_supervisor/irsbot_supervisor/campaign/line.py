@@ -1,4 +1,4 @@
-"""A robot at work whose samples reach a supervisor: what is delivered is the campaign's choice, and so is what is true."""
+"""A robot at work whose samples reach a supervisor: what is delivered is the campaign's choice."""
 
 from __future__ import annotations
 
@@ -26,11 +26,9 @@ STEADY_NS = 3600 * S
 PERIOD_NS = round(PERIOD_S * S)
 
 CYCLE = 2000
-"""Periods of work that are prepared, up to the last rest; the line begins somewhere in them and turns back at the end."""
+"""Periods of work that are prepared, up to the last rest. A line begins somewhere in them, and turns back at the end."""
 WARM_UP = 150
 """Periods of good samples before anything goes wrong."""
-RECOVERY_LIMIT_S = 0.5
-"""s after a fault in which motion must be allowed again."""
 
 
 @lru_cache(maxsize=8)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from irsbot_supervisor.campaign import approach, clean, delivery, escape
+from irsbot_supervisor.campaign import approach, clean, delivery, escape, stamps
 from irsbot_supervisor.campaign.rows import Entry
 from irsbot_supervisor.campaign.truth import supervised
 
@@ -21,4 +21,5 @@ ENTRIES: tuple[Entry, ...] = (
     Entry(clean.NAME, clean.MUST, 1_000_000, 20_000, clean.run, over_robots=True),
     Entry(escape.NAME, escape.MUST, 1000, len(supervised()), escape.run, over_robots=True),
     Entry(delivery.NAME, delivery.MUST, 5000, 50, delivery.run),
+    Entry(stamps.NAME, stamps.MUST, 6000, 60, stamps.run),
 )

@@ -72,9 +72,12 @@ class Estimator:
         """The estimate for a sample, or why the sample contradicts the motion so far."""
         last = self._last
         dt = (sample.stamp_ns - last.stamp_ns) / S if last is not None else 0.0
-        if last is None or dt <= 0.0:
+        if last is None:
             return self._start(sample)
         moved = self._difference(sample.position, last.position)
+        if dt <= 0.0:  # the sender's clock was set back: by ours, has there been time for this way?
+            self.lost_track = bool(self._jump(moved, (sample.seen_ns - last.seen_ns) / S))
+            return self._start(sample)
         velocity, degraded = sample.velocity, ""
         if self._astray is not None or self._stuck or not self._ordinary(moved, velocity, dt):
             if fault := self._jumped(sample, last, moved, dt):
