@@ -57,6 +57,28 @@ def test_the_printed_largest_reactions(x, printed, digits):
     np.testing.assert_allclose(ROBOT.reaction_max(x, q, 100.0, 5.0), printed, atol=digits)
 
 
+@pytest.mark.parametrize(
+    ("degrees", "radius"), [(15.0, 0.254726), (45.0, 0.288102), (np.rad2deg(np.arccos(RP / RB)), 0.335410)]
+)
+def test_the_circle_of_type_2_has_the_radii_of_the_force_workspace_table(degrees, radius):
+    """Found by bisection of the sign of det A along rays, not by the formula of the circle."""
+    phi = np.deg2rad(degrees)
+    assert degrees == pytest.approx(73.398, abs=5e-4) or degrees in (15.0, 45.0)
+
+    def det(away, turn):
+        x = (away * np.cos(turn), away * np.sin(turn), phi)
+        A, _ = ROBOT.jacobians(x, ROBOT.inverse(x))
+        return np.linalg.det(A)
+
+    for turn in (0.1, 1.3, 2.9, 4.4):
+        low, high = radius - 0.05, radius + 0.05
+        assert det(low, turn) * det(high, turn) < 0.0
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if det(low, turn) * det(middle, turn) > 0.0 else (low, middle)
+        assert low == pytest.approx(radius, abs=6e-7)
+
+
 def test_the_determinant_is_the_exact_product_and_its_sign_is_the_sign_of_the_label():
     """det A = (3 sqrt 3/2) rb rp sin(phi) (K - |p|^2)/(rho_1 rho_2 rho_3), K = rb^2 + rp^2 - 2 rb rp cos phi."""
     rng, seen = np.random.default_rng(1), set()
