@@ -39,9 +39,14 @@ def read_motion(path: Path, names: list[str]) -> tuple[Array, Array, Array]:
     if times is None:
         raise BadInput(f"{path}: no column 'time_s'")
     rates = [f"{name}_velocity" for name in names]
-    if path.suffix == ".csv" and rates[0] in pl.read_csv(path, n_rows=1).columns:
+    if has_columns(path, rates[:1]):
         return times, positions, read_joint_columns(path, rates)[0]
     return times, positions, np.empty((0, len(names)))
+
+
+def has_columns(path: Path, names: list[str]) -> bool:
+    """Whether a CSV table has columns of these names."""
+    return path.suffix == ".csv" and set(names) <= set(pl.read_csv(path, n_rows=1).columns)
 
 
 def write_columns(path: Path, columns: dict[str, Any]) -> None:

@@ -9,6 +9,7 @@ import typer
 from rich.table import Table
 
 from irsbot_supervisor.cli.common import Failed, existing, out, print_json
+from irsbot_supervisor.core.cartesian import certify_poses
 from irsbot_supervisor.core.certify import certify
 from irsbot_supervisor.core.policy import KINDS, WORDS
 from irsbot_supervisor.settings_file import read_settings, read_values
@@ -16,21 +17,28 @@ from irsbot_supervisor.settings_file import read_settings, read_values
 
 def check_trajectory(
     robot: Annotated[str, typer.Argument(help="preset name or YAML file")],
-    file: Annotated[Path, typer.Argument(help="CSV: time_s, one column per joint, and NAME_velocity columns or none")],
+    file: Annotated[Path, typer.Argument(help="CSV: time_s; joints (and NAME_velocity) or task coordinates")],
     settings: Annotated[Path | None, typer.Option(help="YAML file with other limits than the shipped ones")] = None,
     assembly: Annotated[int, typer.Option(help="assembly mode at the start; 0: the usual one")] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
 ) -> None:
     """Certify a motion against the stop limits in continuous time, or name the first violation. Exit code 1 then.
 
+    A motion is given by joint positions, or by poses of the platform, straight in between.
+
     Example: irsbot check-trajectory irsbot2 motion.csv
     """
-    from irsbot_supervisor.columns import read_motion  # polars takes its time to load
+    from irsbot_supervisor.columns import has_columns, read_motion  # polars takes its time to load
 
     changes = read_values(existing(settings, "the settings file")) if settings is not None else {}
     limits, machine = read_settings(robot, changes)
-    times, positions, velocities = read_motion(existing(file, "the motion"), list(limits.joint_names))
-    found = certify(machine, limits, times.tolist(), positions.tolist(), velocities.tolist(), assembly)
+    task = [coordinate.name for coordinate in machine.mechanism.task]
+    if has_columns(existing(file, "the motion"), task) and not has_columns(file, list(limits.joint_names)):
+        times, poses, _rates = read_motion(file, task)
+        found = certify_poses(machine, limits, times.tolist(), poses.tolist(), assembly)
+    else:
+        times, positions, velocities = read_motion(file, list(limits.joint_names))
+        found = certify(machine, limits, times.tolist(), positions.tolist(), velocities.tolist(), assembly)
     rows = [
         {"margin": WORDS[kind], "smallest": value, "time_s": time_s}
         for kind, (value, time_s) in zip(KINDS, found.minima, strict=True)

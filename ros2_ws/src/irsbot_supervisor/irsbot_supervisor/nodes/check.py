@@ -8,6 +8,7 @@ from irsbot_msgs.srv import CheckTrajectory
 
 from irsbot_kinematics import Robot
 from irsbot_msgs_py.stamps import NS_PER_S, nanoseconds
+from irsbot_supervisor.core.cartesian import certify_poses
 from irsbot_supervisor.core.certify import Certificate, certify
 from irsbot_supervisor.core.motion import BadTrajectory
 from irsbot_supervisor.core.policy import KINDS
@@ -40,14 +41,18 @@ def checked(
 def _certificate(robot: Robot, settings: Settings, request: CheckTrajectory.Request) -> Certificate:
     trajectory = request.trajectory
     names = list(trajectory.joint_names)
-    if sorted(names) != sorted(settings.joint_names):
-        raise BadTrajectory(f"joint names {names} must be {list(settings.joint_names)} in any order")
-    order = [names.index(joint) for joint in settings.joint_names]
+    task = [coordinate.name for coordinate in robot.mechanism.task]
+    wanted = task if sorted(names) == sorted(task) else list(settings.joint_names)
+    if sorted(names) != sorted(wanted):
+        raise BadTrajectory(f"joint names {names} must be {wanted}, or the task coordinates {task}, in any order")
+    order = [names.index(name) for name in wanted]
     points = trajectory.points
     if any(len(point.positions) != len(names) or len(point.velocities) not in (0, len(names)) for point in points):
         raise BadTrajectory(f"every point needs {len(names)} positions, and {len(names)} velocities or none")
     times = [nanoseconds(p.time_from_start.sec, p.time_from_start.nanosec) / NS_PER_S for p in points]
     positions = [[point.positions[i] for i in order] for point in points]
+    if wanted == task:
+        return certify_poses(robot, settings, times, positions, request.assembly_mode)
     cubic = bool(points) and all(len(point.velocities) for point in points)
     velocities = [[point.velocities[i] for i in order] for point in points] if cubic else ()
     return certify(robot, settings, times, positions, velocities, request.assembly_mode)

@@ -1,0 +1,81 @@
+"""Certificates of platform paths against dense sampling of the true path."""
+
+from __future__ import annotations
+
+import csv
+from itertools import pairwise
+from math import inf, nan
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from irsbot_msgs_py.records import Cause
+from irsbot_supervisor.cli.app import app
+from irsbot_supervisor.core.cartesian import certify_poses
+from irsbot_supervisor.core.motion import BadTrajectory
+from irsbot_supervisor.settings_file import read_settings
+
+SETTINGS, ROBOT = read_settings("irsbot2")
+
+
+def test_a_safe_path_is_certified_and_its_minima_bound_those_on_the_line():
+    corners = np.array([(-0.2, -0.85), (0.2, -0.85), (0.2, -0.75)])
+    found = certify_poses(ROBOT, SETTINGS, [0.0, 1.0, 1.5], corners.tolist())
+    assert found.safe
+    line = np.concatenate([np.linspace(a, b, 4000) for a, b in pairwise(corners)])
+    joints = ROBOT.inverse_many(line)[0]
+    true = ROBOT.evaluate_many(joints)
+    least = (true.type1_margin.min(), true.type2_margin.min(), true.constraint_margin.min())
+    for (bound, _time_s), value in zip(found.minima, least, strict=False):
+        assert 0.0 < bound <= value + 1e-9
+        assert value - bound < 0.05
+
+
+def test_the_first_violation_of_a_path_is_where_the_margin_on_the_line_falls_below_its_limit():
+    start, end = (0.0, -0.8), (0.878, -0.8)
+    found = certify_poses(ROBOT, SETTINGS, [0.0, 2.0], [start, end])
+    assert found.violation is not None
+    line = np.linspace(start, end, 100_000)
+    joints, _status, _reach = ROBOT.inverse_many(line)
+    true = ROBOT.evaluate_many(joints)
+    below = (true.type1_margin.min(axis=1) < SETTINGS.type1_stop) | (true.type2_margin < SETTINGS.type2_stop)
+    first_s = 2.0 * int(np.argmax(below)) / len(line)
+    assert below.any()
+    assert first_s - 0.01 <= found.violation.time_s <= first_s + 1e-3
+
+
+def test_a_pose_out_of_reach_is_a_violation_with_its_distance():
+    """The published example: (0, -1.25) is unreachable by 50.08 mm."""
+    found = certify_poses(ROBOT, SETTINGS, [0.0], [(0.0, -1.25)])
+    assert found.violation is not None
+    assert found.violation.cause == Cause.TYPE1
+    assert "unreachable by 50.08 mm" in found.violation.text
+
+
+@pytest.mark.parametrize(
+    ("times", "poses"),
+    [
+        ([], []),
+        ([0.0, 1.0], [(0.0, -0.8)]),
+        ([0.0], [(0.0, -0.8, 0.1)]),
+        ([0.0, 0.0], [(0.0, -0.8), (0.1, -0.8)]),
+        ([0.0, nan], [(0.0, -0.8), (0.1, -0.8)]),
+        ([0.0, 1.0], [(0.0, -0.8), (inf, -0.8)]),
+        ([0.0, 1.0], [(0.0, -0.8), (1e9, -0.8)]),
+    ],
+)
+def test_what_is_no_path_is_refused(times, poses):
+    with pytest.raises(BadTrajectory):
+        certify_poses(ROBOT, SETTINGS, times, poses)
+
+
+def test_the_command_takes_poses_by_the_names_of_the_task_coordinates(tmp_path: Path):
+    path = tmp_path / "path.csv"
+    with path.open("w", newline="") as file:
+        csv.writer(file).writerows([("time_s", "x", "z"), (0.0, 0.0, -0.85), (1.0, 0.2, -0.8)])
+    assert CliRunner().invoke(app, ["check-trajectory", "irsbot2", str(path)]).exit_code == 0
+    with path.open("a", newline="") as file:
+        csv.writer(file).writerow((3.0, 0.0, -1.25))
+    assert CliRunner().invoke(app, ["check-trajectory", "irsbot2", str(path)]).exit_code == 1
