@@ -219,7 +219,7 @@ def test_after_the_clock_of_the_sender_was_set_back_the_motion_is_followed_from_
 # --- frozen -----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("said", [1.0, 3.0, -3.0, 12.0])
+@pytest.mark.parametrize("said", [1.0, 3.0, -3.0, 12.0, 1e3])
 @pytest.mark.parametrize("frozen", [0, 1])
 def test_a_joint_that_stands_still_but_reports_motion_is_frozen_even_if_the_other_moves(said, frozen):
     """A report of 1 rad/s is within the slack of any single sample: the way that adds up gives it away. At most the
@@ -267,6 +267,18 @@ def test_until_it_is_known_to_be_frozen_a_joint_is_taken_to_move_as_it_says():
     suspect = good(filter_.update(accepted(20, (0.19, 1.0), (10.0, 0.0))))
     assert suspect.velocity == (10.0, 0.0)
     assert suspect.degraded
+
+
+@pytest.mark.parametrize("said", [1e308, -1e16, 180.0, 15.1, nan, inf])
+def test_a_rate_that_no_joint_can_have_is_not_taken_for_the_motion_of_a_joint_that_stands(said):
+    """15 rad/s are a quarter above the shipped limit."""
+    filter_ = estimator()
+    watch(filter_, moving((0.0, 0.0), (0.0, 0.0), 0, 20))
+    answer = good(filter_.update(accepted(20, (0.0, 1.0), (said, 0.0))))
+    assert answer.velocity == (0.0, 0.0)
+    assert answer.degraded
+    for ms in range(21, 100):  # nor is its position frozen
+        good(filter_.update(accepted(ms, (0.0, 1.0), (0.0, 0.0))))
 
 
 def test_the_second_joint_is_looked_at_although_the_first_contradicts_itself_too():

@@ -26,7 +26,7 @@ STEADY_NS = 3600 * S
 PERIOD_NS = round(PERIOD_S * S)
 
 CYCLE = 2000
-"""Periods of work that are prepared, up to the last rest. A line begins somewhere in them, and turns back at the end."""
+"""Periods of work that are prepared, up to the last rest; a line begins somewhere in them and turns back at the end."""
 WARM_UP = 150
 """Periods of good samples before anything goes wrong."""
 

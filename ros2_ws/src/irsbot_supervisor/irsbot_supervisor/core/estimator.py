@@ -140,14 +140,13 @@ class Estimator:
 
     def _frozen(self, sample: Accepted, moved: Floats, dt: float) -> str:
         """Which joint stands still although the message has reported one long motion; until it moves."""
-        for k, (step, said, brake, creep) in enumerate(
-            zip(moved, sample.velocity, self._brake, self._creep, strict=False)
-        ):
+        limits = zip(self._brake, self._creep, self._fastest, strict=True)
+        for k, (step, said, (brake, creep, fastest)) in enumerate(zip(moved, sample.velocity, limits, strict=False)):
             way, since_ns = self._stuck.pop(k, (0.0, sample.seen_ns))
             most = 0.5 * brake * FROZEN_S * FROZEN_S + self._step
             if step == 0.0 and abs(way) <= most:
                 going = said * way >= 0.0 and self._slow < abs(said) < inf
-                way = way + said * dt if going else 0.0
+                way = way + max(-fastest, min(said, fastest)) * dt if going else 0.0
             if step == 0.0 and way != 0.0:
                 self._stuck[k] = way, since_ns
                 still_ns = sample.seen_ns - since_ns
@@ -163,14 +162,15 @@ class Estimator:
             return rates, "the message has no velocities"
         believed, degraded = [], ""
         step = self._step / dt
-        for name, said, seen, doubt, brake in zip(self._names, velocity, rates, self._doubt, self._brake, strict=True):
+        limits = zip(self._doubt, self._brake, self._fastest, strict=True)
+        for name, said, seen, (doubt, brake, fastest) in zip(self._names, velocity, rates, limits, strict=True):
             if abs(said - seen) <= doubt + brake * dt + step:
                 least = abs(seen) - 0.5 * brake * dt - step
                 proven = (said if seen >= 0.0 else -said) >= least
                 believed.append(said if proven else copysign(least, seen))
                 continue
-            # What stands still may be frozen: then the motion that is reported is the safe assumption.
-            believed.append(said if seen == 0.0 and isfinite(said) else seen)
+            # What stands still may be frozen: then the motion that is reported is the safe assumption, if it is one.
+            believed.append(said if seen == 0.0 and abs(said) <= fastest else seen)
             if isfinite(said):
                 fault = f"joint '{name}' reports {said:.4g} but its position moves at {seen:.4g}"
             else:

@@ -1,0 +1,228 @@
+"""Garbage in the messages: numbers, lengths, names and bytes that are not what they should be.
+
+Whether a message says where the robot is, is told here from the message alone: every joint named once, arrays that
+fit, positions that are numbers and where the robot truly is. Then it must be right by name; else rejected and counted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import inf, isfinite, nan
+
+import numpy as np
+
+from irsbot_msgs_py.cdr import CdrError, decode_joint_state, encode_joint_state
+from irsbot_msgs_py.records import JointSample, Level, SingularityState
+from irsbot_supervisor.campaign.line import ROBOTS, WARM_UP, Line
+from irsbot_supervisor.campaign.motion import PERIOD_S
+from irsbot_supervisor.campaign.rows import Job, Row, Tally
+
+NAME = "garbage"
+MUST = "right by name or rejected and counted, never an exception, never a NaN margin called OK"
+
+NUMBERS = (nan, inf, -inf, 1e308, -1e308, 5e-324, -5e-324, 1e-300, 1e16, 1e6, 180.0, 7.0, -0.0)
+FIELDS = ("position", "velocity", "effort")
+MOST_EXTRA = 50
+"""Joints of other robots in one message."""
+BETWEEN = 4
+"""Good samples between two messages of garbage, at most."""
+FAR = 1e6
+"""rad or m: no joint gets farther."""
+PLAY = 2.0
+"""1: a position within so many times of what a joint moves at its limit is not told from motion."""
+
+Bad = Callable[[JointSample, np.random.Generator], JointSample]
+
+
+def run(job: Job) -> Row:
+    """The row: a case is one message. Each follows on good ones, on a robot at work."""
+    tally = Tally(NAME, job)
+    kinds: tuple[Bad, ...] = (
+        one_number,
+        all_numbers,
+        lengths,
+        missing,
+        duplicate,
+        extra,
+        permuted,
+        miswired,
+        raw_bytes,
+    )
+    rngs = [np.random.default_rng([job.seed, k]) for k in range(len(ROBOTS))]
+    lines = [Line(name, rng) for name, rng in zip(ROBOTS, rngs, strict=True)]
+    for line in lines:
+        line.run(WARM_UP)
+    for k in range(job.amount):
+        which = k % len(ROBOTS)
+        line, rng, kind = lines[which], rngs[which], kinds[k // len(ROBOTS) % len(kinds)]
+        line.run(1 + int(rng.integers(BETWEEN)))
+        line.advance()
+        unsafe, failed = _try(line, kind, rng, tally)
+        where = f"{ROBOTS[which]}, {kind.__name__}"
+        tally.case(unsafe and f"{where}: {unsafe}", failed and f"{where}: {failed}")
+        if line.verdict is not None and line.verdict.latched:
+            tally.add("resets")
+            _reset(line)
+    return tally.row()
+
+
+def _try(line: Line, kind: Bad, rng: np.random.Generator, tally: Tally) -> tuple[str, str]:
+    """Deliver one message; what was unsafe, and what failed."""
+    counted = sum(line.supervisor.rejections.values())
+    sample = kind(line.sample(), rng)
+    answer = line.feed(sample)
+    state = answer.state
+    if state is None:
+        return "", "no state for a sample"
+    rejected = sum(line.supervisor.rejections.values()) - counted
+    tally.add("rejected", rejected)
+    nans = state.level <= Level.WARN and not _has_margins(state, line)
+    if nans:
+        return f"{state.level.name} with margins that are not numbers", ""
+    if not _is_whole(sample, line.settings.joint_names):
+        unsafe = f"{line.level.name} after {sample}"[:200] if line.moves or state.level <= Level.WARN else ""
+        return unsafe, "" if rejected == 1 else "not counted as rejected"
+    said = [sample.position[sample.names.index(joint)] for joint in line.settings.joint_names]
+    off = max(
+        abs(q - true) / (limit * PERIOD_S)
+        for q, true, limit in zip(said, line.position, line.settings.velocity_limit, strict=True)
+    )
+    if state.level <= Level.WARN and not off <= PLAY * BETWEEN:
+        return f"{state.level.name} although positions are {off * PERIOD_S:.3g} s at full speed off", ""
+    if off == 0.0 and sample.stamp_ns == line.received_ns:
+        tally.add("right by name")
+        if state.level > Level.WARN and not rejected:
+            return "", f"{state.level.name} for a message that is right by name"
+        if not rejected and state.joint_position != line.position:
+            return "joints were mixed up", ""
+        if rejected:
+            return "", f"rejected although it is right by name: {answer.verdict.text if answer.verdict else ''}"
+    return "", ""
+
+
+def _is_whole(sample: JointSample, joints: tuple[str, ...]) -> bool:
+    """Whether every joint is named once, the arrays fit, and all positions are numbers that joints can have."""
+    count = len(sample.names)
+    if not all(sample.names.count(joint) == 1 for joint in joints):
+        return False
+    if len(sample.position) != count or not {len(sample.velocity), len(sample.effort)} <= {0, count}:
+        return False
+    return all(abs(sample.position[sample.names.index(joint)]) <= FAR for joint in joints)
+
+
+def _has_margins(state: SingularityState, line: Line) -> bool:
+    """Whether all numbers that a verdict rests on are there."""
+    numbers = [*state.joint_position, *state.joint_velocity, *state.pose, *state.type1_margin, *state.limb_margin]
+    numbers += [state.type2_margin, state.stop_margin]
+    return all(map(isfinite, numbers)) and len(state.joint_position) == len(line.settings.joint_names)
+
+
+def _reset(line: Line) -> None:
+    """A stop is reset at standstill, and work goes on."""
+    line.standing = True
+    line.run(WARM_UP)
+    line.reset()
+    line.standing = False
+    line.run(WARM_UP)
+
+
+# --- what is in the messages --------------------------------------------------------------------------------------
+
+
+def one_number(sample: JointSample, rng: np.random.Generator) -> JointSample:
+    """One number of one array."""
+    field = str(rng.choice(FIELDS))
+    values = list(getattr(sample, field) or (0.0,) * len(sample.names))
+    values[int(rng.integers(len(values)))] = NUMBERS[int(rng.integers(len(NUMBERS)))]
+    return _with(sample, field, values)
+
+
+def all_numbers(sample: JointSample, rng: np.random.Generator) -> JointSample:
+    """Every number of one array."""
+    values = [NUMBERS[int(rng.integers(len(NUMBERS)))] for _ in sample.names]
+    return _with(sample, str(rng.choice(FIELDS)), values)
+
+
+def lengths(sample: JointSample, rng: np.random.Generator) -> JointSample:
+    """Arrays that are too short or too long."""
+    for field in FIELDS:
+        sample = _with(sample, field, rng.uniform(-1.0, 1.0, int(rng.integers(6))).tolist())
+    return sample
+
+
+def missing(sample: JointSample, rng: np.random.Generator) -> JointSample:
+    """Joints left out, with their numbers; or under another name."""
+    order = [k for k in range(len(sample.names)) if rng.random() < 0.5]
+    if rng.random() < 0.3:
+        return sample._replace(
+            names=tuple(name if k in order else f"{name}\N{DEGREE SIGN}" for k, name in enumerate(sample.names))
+        )
+    return _picked(sample, order)
+
+
+def duplicate(sample: JointSample, rng: np.random.Generator) -> JointSample:
+    """A joint named more than once, with its numbers or with others."""
+    count = len(sample.names)
+    again = _picked(sample, [*range(count), *rng.integers(0, count, 1 + int(rng.integers(3))).tolist()])
+    return again if rng.random() < 0.5 else _with(again, "position", rng.uniform(-1.0, 1.0, len(again.names)).tolist())
+
+
+def extra(sample: JointSample, rng: np.random.Generator) -> JointSample:
+    """Joints of another robot before, between and behind, with any numbers."""
+    count = len(sample.names)
+    others = 1 + int(rng.integers(MOST_EXTRA))
+    order = rng.permutation(count + others).tolist()
+    names = [*sample.names, *(f"other_{k % 40}" for k in range(others))]
+    numbers = [NUMBERS[int(rng.integers(len(NUMBERS)))] for _ in range(others)]
+    sample = sample._replace(names=tuple(names[k] for k in order))
+    for field in ("position", "velocity"):
+        values = [*getattr(sample, field), *numbers]
+        sample = _with(sample, field, [values[k] for k in order])
+    return sample
+
+
+def permuted(sample: JointSample, rng: np.random.Generator) -> JointSample:
+    """Another order of the joints, names and numbers alike."""
+    return _picked(sample, rng.permutation(len(sample.names)).tolist())
+
+
+def miswired(sample: JointSample, rng: np.random.Generator) -> JointSample:
+    """Another order of the names alone."""
+    return sample._replace(names=tuple(sample.names[k] for k in rng.permutation(len(sample.names))))
+
+
+def raw_bytes(sample: JointSample, rng: np.random.Generator) -> JointSample:
+    """Bytes of a message changed, cut off or added, then read as the node reads them."""
+    data = bytearray(encode_joint_state(sample))
+    for _ in range(int(rng.integers(1, 6))):
+        match int(rng.integers(4)):
+            case 0:
+                data[int(rng.integers(len(data)))] ^= 1 << int(rng.integers(8))
+            case 1:
+                data[int(rng.integers(len(data)))] = int(rng.integers(256))
+            case 2:
+                del data[1 + int(rng.integers(len(data))) :]
+            case _:
+                data += rng.bytes(int(rng.integers(1, 9)))
+    try:
+        return decode_joint_state(bytes(data), sample.received_ns, sample.seen_ns)
+    except CdrError:
+        return JointSample(0, sample.received_ns, sample.seen_ns, (), ())
+
+
+def _with(sample: JointSample, field: str, values: list[float]) -> JointSample:
+    match field:
+        case "position":
+            return sample._replace(position=tuple(values))
+        case "velocity":
+            return sample._replace(velocity=tuple(values))
+    return sample._replace(effort=tuple(values))
+
+
+def _picked(sample: JointSample, order: list[int]) -> JointSample:
+    """Joints picked, repeated or left out by number."""
+    sample = sample._replace(effort=(0.0,) * len(sample.names))
+    for field in FIELDS:
+        values = getattr(sample, field)
+        sample = _with(sample, field, [values[k] for k in order])
+    return sample._replace(names=tuple(sample.names[k] for k in order))
