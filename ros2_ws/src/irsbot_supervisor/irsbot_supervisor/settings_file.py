@@ -12,6 +12,9 @@ import yaml
 from irsbot_kinematics import Robot, load_robot, make_robot
 from irsbot_supervisor.core.settings import InvalidSettings, Settings, settings_from
 
+PARAMETERS = "ros__parameters"
+"""Key below the name of a node in a file of ROS parameters."""
+
 
 def robot_of(name: str) -> Robot:
     """A robot by preset name or YAML file. Raises what `make_robot` and `load_robot` raise."""
@@ -38,13 +41,19 @@ def read_settings(robot_name: str, changes: Mapping[str, Any] | None = None) -> 
 
 
 def read_values(path: Path) -> dict[str, Any]:
-    """The mapping in a user's settings file. Raises InvalidSettings."""
+    """The mapping in a user's settings file, plain or as ROS parameters of one node. Raises InvalidSettings."""
     try:
-        return _mapping(path.read_text(encoding="utf-8"), str(path))
+        values = _mapping(path.read_text(encoding="utf-8"), str(path))
     except OSError as error:
         raise InvalidSettings(f"{path}: {error.strerror}") from None
     except UnicodeDecodeError:
         raise InvalidSettings(f"{path}: not a text in UTF-8") from None
+    nodes = [node[PARAMETERS] for node in values.values() if isinstance(node, dict) and PARAMETERS in node]
+    if not nodes:
+        return values
+    if len(values) > 1 or not isinstance(nodes[0], dict):
+        raise InvalidSettings(f"{path}: expected the settings of one node, as in '/**: {{{PARAMETERS}: ...}}'")
+    return dict(nodes[0])
 
 
 def _mapping(text: str, where: str) -> dict[str, Any]:

@@ -202,3 +202,13 @@ def test_a_file_that_is_missing_or_no_text_is_refused_by_its_name(tmp_path):
     (tmp_path / "bytes.yaml").write_bytes(b"\xff\xfe\x00\x80")
     with pytest.raises(InvalidSettings, match=r"bytes\.yaml"):
         read_values(tmp_path / "bytes.yaml")
+
+
+def test_a_file_of_ros_parameters_is_a_file_of_settings(tmp_path):
+    file = tmp_path / "mine.yaml"
+    file.write_text("/**:\n  ros__parameters:\n    type1_stop: 0.2\n")
+    assert read_values(file) == {"type1_stop": 0.2}
+    for other in ("/**:\n  ros__parameters: 5\n", "/a:\n  ros__parameters: {}\n/b:\n  ros__parameters: {}\n"):
+        file.write_text(other)
+        with pytest.raises(InvalidSettings, match="one node"):
+            read_values(file)

@@ -13,7 +13,7 @@ from irsbot_kinematics import BadInput
 from irsbot_supervisor.cli.common import Failed, out, print_json
 from irsbot_supervisor.core.guide import Guide, Plant, propose
 from irsbot_supervisor.core.settings import Settings
-from irsbot_supervisor.settings_file import robot_of, shipped_values
+from irsbot_supervisor.settings_file import PARAMETERS, robot_of, shipped_values
 
 FORCE_RATIO = 20.0 / 3.0
 """Default: legs of a fast light robot carry some ten times the load anyway, in its accelerations."""
@@ -32,7 +32,9 @@ def limits(
     encoder_offset: Annotated[float | None, typer.Option(help="largest error of a joint's zero, rad or m")] = None,
     geometry_tolerance: Annotated[float | None, typer.Option(help="largest error of a leg, m")] = None,
     force_ratio: Annotated[float, typer.Option(help="how many times the load a leg may carry")] = FORCE_RATIO,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="write the settings here, YAML")] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="write the settings here, as ROS parameters")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
 ) -> None:
     """Propose every limit of the supervision and say why. What is not given is taken from the shipped settings.
@@ -79,9 +81,10 @@ def limits(
 
 
 def settings_text(robot: str, guide: Guide) -> str:
-    """The proposed settings as a YAML file, each with its reason."""
-    lines = ["# Proposed by `irsbot limits`; units and meanings: irsbot settings", f"robot: {_yaml(robot)}"]
-    lines += [f"{name}: {_yaml(value)}  # {why}" for name, value, why in guide.proposals]
+    """The proposed settings as a file of ROS parameters for any node, each with its reason."""
+    lines = ["# Proposed by `irsbot limits`; units and meanings: irsbot settings", "/**:", f"  {PARAMETERS}:"]
+    lines.append(f"    robot: {_yaml(robot)}")
+    lines += [f"    {name}: {_yaml(value)}  # {why}" for name, value, why in guide.proposals]
     return "\n".join(lines) + "\n"
 
 

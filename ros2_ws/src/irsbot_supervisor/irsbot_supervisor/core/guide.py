@@ -89,7 +89,11 @@ class Guide(NamedTuple):
 
 
 class _Near(NamedTuple):
-    """Postures next to a limit of one margin: the largest error, and the slopes of a steep one."""
+    """Postures next to a limit of one margin: the typical error, and the slopes of a steep one.
+
+    Every bound that the supervision computes has the errors of its posture in it already; a limit only has to exceed
+    what they usually are, or nothing would be left.
+    """
 
     error: float
     steep: Floats  # 1/rad or 1/m
@@ -148,7 +152,7 @@ def _next_to(places: list[Posture], base: Settings, mechanism: Mechanism, kind: 
     errors = [margins_of(at)[kind] - floor_of(mechanism.guarantee(at, reach, slack))[kind] for at in places]
     steep = [tuple(map(abs, slopes(mechanism, at, kind))) for at in places]
     steep.sort(key=lambda slope: sum(s * v for s, v in zip(slope, base.velocity_limit, strict=True)))
-    return _Near(max(errors), steep[STEEP * len(steep) // 100])
+    return _Near(sorted(errors)[len(errors) // 2], steep[STEEP * len(steep) // 100])
 
 
 def _copied(base: Settings) -> list[Proposal]:
@@ -167,7 +171,7 @@ def _stop(kind: str, top: float, force: float, near: _Near, ratio: float) -> Pro
     """What forces allow, or what errors need."""
     need = SAFETY * near.error
     value = _up(max(force, need, LEAST_LIMIT))
-    errors = f"encoder and geometry errors change it by up to {near.error:.2g}"
+    errors = f"encoder and geometry errors change it by {near.error:.2g} there"
     if need > force:
         return Proposal(f"{kind}_stop", value, f"{errors}, and {SAFETY:g} times that has to be left")
     reason = {
