@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 from supervised import feed, sample, settings_of, supervisor_of
 
 from irsbot_kinematics import Status
 from irsbot_msgs_py.records import Level
 from irsbot_supervisor.core.certify import certify
+from irsbot_supervisor.core.outlook import Foresight
 
-START, WAY = np.array([1.4268, -3.1222, -0.3313]), np.array([0.4916, 1.0, -0.8101])
-"""rad: joints of the rrr3_base and a way of 0.8 rad on which label -1 becomes another one, far from Type 2."""
-LABEL, FAR_RAD, STEPS = -1, 0.8, 800
+START, WAY = np.array([-0.1477, 2.1584, -1.4992]), np.array([0.7028, -0.4716, 1.0])
+"""rad: joints of the rrr3_base and a way on which label -1 goes over to another branch, far from Type 2; at its end the
+pose with that label is near Type 2, and the platform is not there."""
+LABEL, FAR_RAD, STEPS = -1, 0.51, 510
 
 
 def followed(robot):
@@ -25,11 +30,12 @@ def followed(robot):
 
 
 def test_the_label_changes_on_the_way_and_no_singularity_is_near():
-    _settings, robot = settings_of("rrr3_base")
+    settings, robot = settings_of("rrr3_base")
     postures = followed(robot)
-    assert all(at.status == Status.SOLVED and at.type2 > 0.5 and min(at.type1) > 0.3 for at in postures)
-    end = robot.mechanism.posture(postures[-1].joints, LABEL)
-    assert end.status != Status.SOLVED or np.abs(np.subtract(end.pose, postures[-1].pose)).max() > 0.1
+    assert all(at.status == Status.SOLVED and at.type2 > 0.4 and min(at.type1) > 0.3 for at in postures)
+    labelled = robot.mechanism.posture(postures[-1].joints, LABEL)
+    assert labelled.type2 < settings.type2_stop
+    assert abs(np.angle(np.exp(1j * (labelled.pose[2] - postures[-1].pose[2])))) > 0.1
 
 
 def test_a_supervisor_follows_the_branch_and_says_ok():
@@ -57,6 +63,17 @@ def test_a_planned_motion_is_certified_on_its_own_branch():
     assert found.safe, found.violation
     met = min(at.type2 for at in followed(robot))
     assert settings.type2_stop <= found.minima[1][0] <= met
+
+
+def test_the_way_to_standstill_is_foreseen_on_its_own_branch():
+    """Braking takes half of the way, from before the label changes to behind it."""
+    settings, robot = settings_of("rrr3_base", working_mode=followed_mode(), assembly_mode=LABEL, type2_warn=1.0)
+    at = followed(robot)[STEPS // 2]
+    slow = replace(settings, deceleration_limit=tuple(60.0 * np.abs(WAY)), latency_s=0.0)
+    outlook = Foresight(slow, robot.mechanism).foresee(at, tuple((5.5 * WAY).tolist()), 0.0)
+    assert np.add(at.joints, outlook.travel) == pytest.approx(START + FAR_RAD * WAY, abs=0.01)
+    met = min(one.type2 for one in followed(robot)[STEPS // 2 :])
+    assert 0.5 * met <= outlook.floor[1] <= met + 1e-3
 
 
 def test_an_operator_who_sees_the_platform_on_another_branch_is_refused():
