@@ -66,14 +66,14 @@ def test_a_planned_motion_is_certified_on_its_own_branch():
 
 
 def test_the_way_to_standstill_is_foreseen_on_its_own_branch():
-    """Braking takes half of the way, from before the label changes to behind it."""
+    """Braking takes the last two fifths of the way, from before the label changes to behind it."""
     settings, robot = settings_of("rrr3_base", working_mode=followed_mode(), assembly_mode=LABEL, type2_warn=1.0)
-    at = followed(robot)[STEPS // 2]
+    at = followed(robot)[3 * STEPS // 5]
     slow = replace(settings, deceleration_limit=tuple(60.0 * np.abs(WAY)), latency_s=0.0)
-    outlook = Foresight(slow, robot.mechanism).foresee(at, tuple((5.5 * WAY).tolist()), 0.0)
+    outlook = Foresight(slow, robot.mechanism).foresee(at, tuple((4.95 * WAY).tolist()), 0.0)
     assert np.add(at.joints, outlook.travel) == pytest.approx(START + FAR_RAD * WAY, abs=0.01)
-    met = min(one.type2 for one in followed(robot)[STEPS // 2 :])
-    assert 0.5 * met <= outlook.floor[1] <= met + 1e-3
+    met = min(one.type2 for one in followed(robot)[3 * STEPS // 5 :])
+    assert settings.type2_stop <= outlook.floor[1] <= met + 1e-3
 
 
 def test_an_operator_who_sees_the_platform_on_another_branch_is_refused():
