@@ -84,6 +84,16 @@ class Suite:
                 preexec_fn=_end_with_parent,
             )
 
+    def end(self, name: str, how: signal.Signals = signal.SIGINT) -> int:
+        """End one node, which from now on is no part of the suite; returns its exit code."""
+        process = self.processes.pop(name)
+        process.send_signal(how)
+        try:
+            return process.wait(PATIENCE_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            return process.wait()
+
     def check(self) -> None:
         """Raise SuiteError, with the last line of its log, if a node has ended."""
         for name, process in self.processes.items():

@@ -26,6 +26,9 @@ PATIENCE_S = 60.0
 """Longest wait for an event that must come: far more than it takes, on a busy machine."""
 
 LATCHED = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+ANSWERS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+"""A client gets the answers to all clients of its service, and picks its own."""
+
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 """For a reader that looks now and then and slows nobody down."""
 
@@ -76,7 +79,7 @@ class Peer:
 
     def client(self, kind: Any, name: str) -> Any:
         """A client whose service is there."""
-        client = self.node.create_client(kind, name)
+        client = self.node.create_client(kind, name, qos_profile=ANSWERS)
         self.until(client.service_is_ready, f"service {name}")
         return client
 
@@ -85,6 +88,10 @@ class Peer:
         answer = client.call_async(request)
         self.until(answer.done, "an answer")
         return answer.result()
+
+    def resident_mb(self, name: str) -> float:
+        """Memory of a node, MB."""
+        return float(psutil.Process(self.suite.processes[name].pid).memory_info().rss) * 1e-6
 
     def close(self) -> None:
         """Leave the domain."""
@@ -98,8 +105,3 @@ class Peer:
 
     def __exit__(self, *_: Any) -> None:
         self.close()
-
-
-def resident_mb(suite: Suite, name: str) -> float:
-    """Memory of a node, MB."""
-    return float(psutil.Process(suite.processes[name].pid).memory_info().rss) * 1e-6

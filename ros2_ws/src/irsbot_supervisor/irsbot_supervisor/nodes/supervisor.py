@@ -40,6 +40,9 @@ INLET = QoSProfile(depth=12, reliability=ReliabilityPolicy.RELIABLE)
 """What waits longer is skipped for newer samples anyway, and every place may come to hold the largest message ever."""
 
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+REQUESTS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+"""By default ten requests and ten answers are kept, and of a hundred clients at once most would wait for ever."""
+
 JOURNAL = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -81,8 +84,10 @@ class SupervisorNode(LifecycleNode):
         self._markers = MarkersPublisher(self, self._robot, self._supervisor, self._frame)
         kept(self._markers.publisher, self.destroy_publisher)
         kept(self._markers.timer, self.destroy_timer)
-        kept(self.create_service(ResetStop, "~/reset", self._on_reset), self.destroy_service)
-        kept(self.create_service(CheckTrajectory, "~/check_trajectory", self._on_check), self.destroy_service)
+        service = self.create_service
+        kept(service(ResetStop, "~/reset", self._on_reset, qos_profile=REQUESTS), self.destroy_service)
+        check = service(CheckTrajectory, "~/check_trajectory", self._on_check, qos_profile=REQUESTS)
+        kept(check, self.destroy_service)
         self._gate = CommandGate(self, self._settings, self._robot, self._supervisor, self._fail)
         for commands in self._gate.subscriptions:
             kept(commands, self.destroy_subscription)

@@ -1,0 +1,135 @@
+"""Nodes that freeze (SIGSTOP) or die (SIGKILL) while the robot works: the robot stands in time, or is not concerned."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Callable
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, NamedTuple
+
+from irsbot_msgs_py.records import Level
+from irsbot_supervisor.campaign.rows import RECOVERY_S, TO_STOP_S, Job, Row, Tally
+from irsbot_supervisor.core.intake import S
+from irsbot_supervisor.mcap_writer import BagError
+from irsbot_supervisor.replay import Recording, read_recording
+from irsbot_supervisor.settings_file import read_settings
+from irsbot_supervisor.sim.simulation import Simulation
+from irsbot_supervisor.suite import JOINTS, KINEMATICS, RECORDER, SUPERVISOR, Node, Suite, SuiteError, free_domain
+
+if TYPE_CHECKING:  # needs ROS, which the list of rows does not
+    from irsbot_supervisor.campaign.peer import Peer
+
+NAME = "nodes frozen and killed"
+MUST = "the robot stands 0.1 s and its braking after the supervisor is gone; the bag is readable; who returns is heard"
+
+WATCHED_S = 0.5
+"""s that are looked at after a node is gone."""
+
+PERIODS_S = 0.005
+"""s: a sample before the signal and one after it, and their way."""
+
+STAND_S = "standstill after the supervisor is gone [s]"
+
+CASES = tuple(
+    (name, how)
+    for name in ("supervisor", "simulated_joints", "recorder", "kinematics")
+    for how in (signal.SIGKILL, signal.SIGSTOP)
+)
+
+
+class Gone(NamedTuple):
+    """A node that was sent a signal."""
+
+    name: str
+    how: signal.Signals
+    at_ns: int  # system clock
+    steady_ns: int
+
+
+def run(job: Job) -> Row:
+    """The row: a case is a node and a signal, in turn."""
+    tally = Tally(NAME, job)
+    for number in range(job.amount):
+        name, how = CASES[number % len(CASES)]
+        with TemporaryDirectory(prefix="irsbot-outage-") as folder:
+            try:
+                unsafe, failed = _case(tally, Path(folder), name, how)
+            except (SuiteError, BagError) as error:
+                unsafe, failed = "", str(error)
+        where = f"{how.name} of {name}: "
+        tally.case(unsafe and where + unsafe, failed and where + failed)
+    return tally.row()
+
+
+def _case(tally: Tally, folder: Path, name: str, how: signal.Signals) -> tuple[str, str]:
+    """What was unsafe and what failed."""
+    from irsbot_supervisor.campaign.peer import Peer
+
+    domain = free_domain()
+    with Suite(folder / "logs", domain) as suite, Peer(suite, domain) as peer:
+        suite.start(Node("recorder", RECORDER, {"output": str(folder / "bag")}))
+        suite.start(Node("kinematics", KINEMATICS, {}))
+        suite.start(Node("supervisor", SUPERVISOR, {}))
+        suite.start(Node("simulated_joints", JOINTS, {"scenario": "pick_and_place"}))
+        peer.listen()
+        peer.until(lambda: [v.level for v in peer.verdicts[-100:]] == [Level.OK] * 100, "a second of work")
+        process = suite.processes[name]
+        gone = Gone(name, how, time.time_ns(), time.monotonic_ns())
+        if how == signal.SIGKILL:
+            suite.end(name, how)
+        else:
+            process.send_signal(how)
+        peer.look(WATCHED_S)
+        latched = any(verdict.latched for verdict in peer.verdicts)
+        failed = _come_back(tally, peer, process.pid) if how == signal.SIGSTOP else ""
+    recording = read_recording(folder / "bag")
+    judges: dict[str, Callable[[], tuple[str, str]]] = {
+        "supervisor": lambda: _stands(tally, recording, gone),
+        "simulated_joints": lambda: _told(tally, recording, gone),
+    }
+    unsafe, fault = judges.get(name, lambda: ("", ""))()
+    if name in ("recorder", "kinematics") and latched:
+        fault = "the robot was stopped"
+    return unsafe, failed or fault
+
+
+def _come_back(tally: Tally, peer: Peer, pid: int) -> str:
+    """The node goes on where it stood: the verdict is OK again, without a restart."""
+    peer.verdicts.clear()
+    begin = time.monotonic()
+    os.kill(pid, signal.SIGCONT)
+    try:
+        peer.until(lambda: peer.verdicts and peer.verdicts[-1].level == Level.OK, "OK again")
+    except SuiteError as error:
+        return str(error)
+    tally.largest(RECOVERY_S, time.monotonic() - begin)
+    return ""
+
+
+def _stands(tally: Tally, recording: Recording, gone: Gone) -> tuple[str, str]:
+    """Without verdicts the robot brakes after its time-out and stands."""
+    settings, _robot = read_settings("irsbot2")
+    braking_s = max(v / a for v, a in zip(settings.velocity_limit, settings.deceleration_limit, strict=True))
+    limit_s = Simulation().verdict_timeout_s + braking_s + PERIODS_S
+    after = [s for s in recording.samples if gone.at_ns < s.stamp_ns < gone.at_ns + WATCHED_S * S]
+    moving = [sample.stamp_ns for sample in after if any(sample.velocity)]
+    if not moving:
+        return "", "the robot did not move when the supervisor went: nothing is shown"
+    stood_s = (moving[-1] - gone.at_ns) / S
+    tally.largest(STAND_S, stood_s)
+    return ("" if stood_s <= limit_s else f"still moving {stood_s:.3f} s later, limit {limit_s:.3f} s"), ""
+
+
+def _told(tally: Tally, recording: Recording, gone: Gone) -> tuple[str, str]:
+    """Without joint states the verdict is UNKNOWN, within the stale limit and a heartbeat."""
+    settings, _robot = read_settings("irsbot2")
+    heard = [(log_ns, v.level) for log_ns, v in recording.verdicts if gone.at_ns < log_ns < gone.at_ns + WATCHED_S * S]
+    if not any(level == Level.UNKNOWN for _log_ns, level in heard):
+        return "", "no verdict UNKNOWN after the joint states ended"
+    last_s = (max((log_ns for log_ns, level in heard if level < Level.STOP), default=gone.at_ns) - gone.at_ns) / S
+    tally.largest(TO_STOP_S, last_s)
+    limit_s = settings.stale_s + settings.heartbeat_s + PERIODS_S
+    return (f"OK still {last_s:.3f} s after the last joint state" if not last_s <= limit_s else ""), ""
