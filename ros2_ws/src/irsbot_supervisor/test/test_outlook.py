@@ -16,7 +16,8 @@ from supervised import settings_of
 import irsbot_kinematics as irs
 from irsbot_kinematics import Status
 from irsbot_supervisor.core.assess import margins_of
-from irsbot_supervisor.core.outlook import Foresight
+from irsbot_supervisor.core.outlook import Foresight, limits_of
+from irsbot_supervisor.settings_file import shipped_values
 
 Array = np.ndarray
 every_robot = pytest.mark.parametrize("name", irs.robots())
@@ -137,6 +138,22 @@ def checked(name: str, at: irs.Posture, rates, ahead_s: float, error: Array, see
     return floor, met
 
 
+@pytest.mark.parametrize("name", [name for name in irs.robots() if shipped_values(irs.make_robot(name))])
+def test_nobody_is_stopped_for_a_bound_alone_where_the_braking_path_is_well_within_the_warning_limits(name):
+    rng, bites = np.random.default_rng(3), 0
+    settings, robot = shipped(name)
+    seer = Foresight(settings, robot.mechanism)
+    stop, enough = np.array(limits_of(settings, "stop")), 1.5 * np.array(limits_of(settings, "warn"))
+    for at in postures(name, 30, float(settings.type2_warn)):
+        for speed in (0.3, 0.6, 1.0):
+            rates = speed * rng.uniform(-1.0, 1.0, len(at.joints)) * settings.velocity_limit
+            floor, met = checked(name, at, rates, 0.001, np.zeros(len(at.joints)), seer)
+            if (met >= np.minimum(enough, 0.75)).all():
+                bites += 1
+                assert (floor >= stop).all(), f"{rates} from {at.joints}: {floor} where {met} is met"
+    assert bites >= 20, "the fixture proves nothing"
+
+
 @every_robot
 @pytest.mark.parametrize("changes", [{}, ALL_CUT], ids=["shipped", "cut"])
 def test_no_margin_on_the_braking_path_is_below_its_certified_floor(name, changes):
@@ -226,12 +243,13 @@ def test_the_constraint_margin_of_an_irsbot2_is_a_number_wherever_it_is_assemble
                 assert 0.0 <= floor <= at.constraint + 1e-12
 
 
+@pytest.mark.parametrize("rate", [1.0, inf, nan])
 @pytest.mark.parametrize("name", ["five_bar", "irsbot2", "orthoglide"])
-def test_a_margin_that_a_robot_does_not_have_is_never_a_reason(name: str):
+def test_a_margin_that_a_robot_does_not_have_is_never_a_reason(name: str, rate: float):
     """Where nothing can be bounded, all margins that there are fall to 0, and no others."""
     settings, robot = shipped(name)
     at = postures(name, 20, 0.3)[0]
-    outlook = Foresight(settings, robot.mechanism).foresee(at, settings.velocity_limit, 100.0)
+    outlook = Foresight(settings, robot.mechanism).foresee(at, (rate,) * len(at.joints), 100.0)
     there = [True, True, at.constraint == at.constraint, bool(at.limb)]
     assert [floor == 0.0 for floor in outlook.floor] == there
     assert [floor == inf for floor in outlook.floor] == [not here for here in there]
