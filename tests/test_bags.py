@@ -11,8 +11,12 @@ from pathlib import Path
 
 import pytest
 
+from irsbot_msgs_py.records import Level
+from irsbot_supervisor.closed_loop import BEGIN_NS
+from irsbot_supervisor.core.intake import S
 from irsbot_supervisor.replay import judge_again, read_recording
-from irsbot_supervisor.story import read_story
+from irsbot_supervisor.story import levels_of, read_story
+from irsbot_supervisor.tape import Tape, TapeWriter
 from irsbot_supervisor.verify import against_recording, against_story
 
 ROOT = Path(__file__).parents[1]
@@ -39,6 +43,24 @@ def test_there_are_ten_bags_and_the_list_of_them_is_complete() -> None:
     listed = re.findall(r"^\| (\w+) \| \w+ \| .* \|$", (ROOT / "bags" / "README.md").read_text(), re.MULTILINE)
     assert sorted(listed[listed.index("pick_and_place") :]) == [bag.name for bag in BAGS]
     assert len(BAGS) >= 10
+
+
+def test_a_recording_that_begins_in_the_middle_of_the_work_is_judged_from_there(tmp_path: Path) -> None:
+    """Settings are said once, long before; samples and verdicts begin after a hundred others."""
+    target, skipped = tmp_path / "late.mcap", 0
+    with Tape(ROOT / "bags" / "type2") as tape, TapeWriter(target) as writer:
+        for entry in tape.records():
+            early = entry.log_ns < BEGIN_NS + S // 10 and not isinstance(entry.record, str)
+            skipped += early
+            if not early:
+                writer.add(entry.topic, entry.record, entry.log_ns)
+    assert skipped > 100
+    recording = read_recording(target)
+    judged = judge_again(recording)
+    assert [check.faults for check in against_recording(recording, judged)] == [(), ()]
+    levels = levels_of(judged.chapters)
+    assert [entry.level for entry in levels] == [Level.UNKNOWN, Level.OK, Level.WARN, Level.STOP]
+    assert levels[1].since_ns - levels[0].since_ns == pytest.approx(0.05 * S)  # the dwell time, not the time before
 
 
 def test_a_bag_becomes_a_test_that_fails_until_a_person_has_read_it(tmp_path: Path) -> None:

@@ -52,6 +52,11 @@ class Recording:
     journal: list[Configure | Reset] = field(default_factory=list)
     loss: str = ""
 
+    @property
+    def begun_late(self) -> bool:
+        """Whether the supervisor had judged samples before the recording began."""
+        return bool(self.states) and self.states[0].sequence > 1
+
 
 @dataclass
 class Judged:
@@ -146,7 +151,14 @@ def _events(recording: Recording, first: Configure) -> tuple[list[Event], int, i
     missing += last - len(recording.states)
     unseen = sum(len(queue) for queue in waiting.values())
     end_ns = max([verdict.since_ns for _log, verdict in recording.verdicts], default=0)
-    return _with_ticks([Tick(first.received_ns, first.seen_ns), *judged, *others], end_ns), unseen, missing
+    return _with_ticks([_begin(recording, first), *judged, *others], end_ns), unseen, missing
+
+
+def _begin(recording: Recording, first: Configure) -> Tick:
+    """When silence begins to count: as the settings came into force, or where the recording begins if that is later."""
+    if recording.begun_late:
+        return Tick(recording.states[0].received_ns, recording.states[0].seen_ns)
+    return Tick(first.received_ns, first.seen_ns)
 
 
 def _with_ticks(events: list[Event], end_ns: int) -> list[Event]:

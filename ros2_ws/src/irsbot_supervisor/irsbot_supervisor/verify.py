@@ -33,7 +33,9 @@ def _verdict_faults(recording: Recording, judged: Judged) -> list[str]:
     for chapter in judged.chapters:
         known.setdefault(chapter.since_ns, []).append(chapter)
     faults = []
-    first_ns = judged.chapters[0].since_ns if judged.chapters else 0
+    # What was before the recording is not known: neither the verdict then in force, nor what was held for a while.
+    heard = judged.chapters[1:] if recording.begun_late else judged.chapters
+    first_ns = heard[0].since_ns if heard else 0
     for _log_ns, verdict in recording.verdicts:
         said = Chapter(verdict.since_ns, verdict.level, verdict.causes, verdict.latched, verdict.event, verdict.text)
         if verdict.since_ns < first_ns or any(said.same_as(chapter) for chapter in known.get(verdict.since_ns, ())):
