@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import groupby
 from math import inf, nan
 
 import numpy as np
@@ -11,11 +12,17 @@ from supervised import joints_of, ready, settings_of, tick
 import irsbot_kinematics as irs
 from irsbot_msgs_py.records import Cause, Level
 from irsbot_supervisor.closed_loop import GuidedRobot
-from irsbot_supervisor.core.gate import DIP, RESERVE, Gate, View
+from irsbot_supervisor.core.gate import Gate, View
 from irsbot_supervisor.core.outlook import limits_of
 from irsbot_supervisor.core.settings import Settings
 
 ROBOTS = ("irsbot2", "irsbot2_beta45", "irsbot2_csc", "five_bar", "rrr3", "orthoglide", "triaglide")
+LOST = 0.003
+"""What a margin may lose on the way out, of 0.15 that it has: the bounds of a short way are that near to the truth."""
+
+RESERVE = 0.02
+"""Share above the stop limits that is kept, as docs/verdicts.md says."""
+
 AT_REST_BEATS = 8
 """Heartbeats after which a standing robot is OK."""
 
@@ -190,7 +197,7 @@ def test_after_a_stop_only_motion_away_passes_and_slowly(name):
         allowed = Gate(settings, robot.mechanism).velocity(tuple(limits * direction), view).rates
         assert (np.abs(allowed) <= settings.recovery_share * limits * (1.0 + 1e-9)).all()
         gained = margins(robot, settings, start + 0.01 * np.array(allowed))[kinds] - base[kinds]
-        assert gained.min() >= -DIP
+        assert gained.min() >= -LOST
         if slopes.min() > 0.02:
             away += 1
             assert np.abs(allowed).max() > 0.0
@@ -219,7 +226,8 @@ def test_a_stopped_robot_is_led_out_and_reset_to_ok(name):
         guided.drift()
     assert guided.now.level <= Level.WARN
     assert not guided.now.latched
-    assert len(guided.turns) <= 8, [turn.level for turn in guided.turns]  # no chatter
+    levels = [level for level, _turns in groupby(turn.level for turn in guided.turns)]
+    assert len(levels) <= 7, levels  # UNKNOWN, OK, WARN, STOP, after the reset at most WARN, OK, WARN: no chatter
 
 
 def test_what_was_gained_on_the_way_out_is_not_given_back():
@@ -235,7 +243,7 @@ def test_what_was_gained_on_the_way_out_is_not_given_back():
     for _ in range(50):
         guided.beat(tuple(-speed * escape))
         now = margins(robot, settings, guided.drives.now.position)[kinds]
-        assert (now >= gained - DIP - 1e-6).all()
+        assert (now >= gained - LOST).all()
     assert guided.now.latched
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from copy import deepcopy
+from itertools import groupby
 
 import numpy as np
 
@@ -43,8 +44,8 @@ PROBE = 1e-5
 """rad or m: step of the differences."""
 BACK = 1.1
 """1: share of the warning limits at which a robot counts as out."""
-MOST_TURNS = 8
-"""Judgements of a run into a stop and out of it: UNKNOWN, OK, warnings, STOP, and again after the reset."""
+MOST_LEVELS = 7
+"""Levels of a run into a stop and out of it: UNKNOWN, OK, WARN, STOP, and after the reset WARN, OK, WARN at most."""
 
 
 def run(job: Job) -> Row:
@@ -133,10 +134,11 @@ def _lead_out(guided: GuidedRobot, tally: Tally) -> str:
     out = not guided.now.latched and guided.now.level <= Level.WARN
     tally.add("reached OK", float(out))
     tally.largest("longest way out [s]", beats * settings.heartbeat_s)
-    tally.largest("most judgements", float(len(guided.turns)))
+    levels = sum(1 for _level in groupby(turn.level for turn in guided.turns))
+    tally.largest("most changes of level", float(levels))
     if not out:
         return f"not out after {beats} heartbeats: {refusal or guided.now.level.name}"
-    return "" if len(guided.turns) <= MOST_TURNS else f"{len(guided.turns)} judgements"
+    return "" if levels <= MOST_LEVELS else f"the level changed {levels} times"
 
 
 def _slopes(robot: Robot, settings: Settings, start: Array, direction: Array) -> Array:

@@ -39,14 +39,6 @@ LEAST = 0.01
 """1: smaller shares of a command are none."""
 
 
-SLIDE = 0.01
-"""1: what an approach keeps above the gate's limits besides, so that motion along a limit, which can only be bounded a
-little below it, has room."""
-
-RETURN_S = 0.1
-"""s in which motion along a limit is led back to the level of the approach, if it is at full speed."""
-
-
 class View(NamedTuple):
     """What is known of the robot now."""
 
@@ -147,31 +139,27 @@ class Gate:
     def _kept(self, view: View, rates: Floats, share: float, limits: Margins) -> Floats:
         """The part of the rates that keeps the limits. All of a new command is tried; else the search begins with what
         was allowed last: a little more, the same, less. So a command costs a few looks ahead, not a search."""
-        approach = limits if view.judgement.level == Level.STOP else _above(limits, SLIDE)
         if self._along == self._inward == 1.0 or rates != self._last:
-            kind = self._beyond(view, rates, approach)
+            kind = self._beyond(view, rates, limits)
             self._last = rates
             if kind is None:
                 self._along = self._inward = 1.0
                 return rates
             self._kind = kind
-        along, inward = self._split(view.at, rates, self._kind, approach[self._kind])
+        along, inward = self._split(view.at, rates, self._kind)
         if (faster := self._excess(along) / share) > 1.0:  # a part can have a component that the whole has not
             along, inward = tuple(r / faster for r in along), tuple(r / faster for r in inward)
         for shares in _fewer(self._along, self._inward):
             self._along, self._inward = shares
             kept = tuple(shares[0] * a + shares[1] * b for a, b in zip(along, inward, strict=True))
-            kind = self._beyond(view, kept, approach if shares[1] and any(inward) else limits)
+            kind = self._beyond(view, kept, limits)
             if kind is None:
                 return kept
             self._kind = kind
         raise AssertionError("standing still is always allowed")
 
-    def _split(self, at: Posture, rates: Floats, kind: int, level: float) -> tuple[Floats, Floats]:
-        """Rates along the level lines of a margin, and the part that makes it shrink. In units of the speed limits.
-
-        What goes along is led back to the level that an approach must keep: a straight line leaves a bent one.
-        """
+    def _split(self, at: Posture, rates: Floats, kind: int) -> tuple[Floats, Floats]:
+        """Rates along the level lines of a margin, and the part that makes it shrink. In units of the speed limits."""
         speed = self._speed
         slope = [s * limit for s, limit in zip(slopes(self._mechanism, at, kind), speed, strict=True)]
         square = sum([s * s for s in slope])
@@ -179,10 +167,7 @@ class Gate:
         if not (square > 0.0 and towards < 0.0):
             return rates, (0.0,) * len(rates)
         inward = tuple(towards / square * s * limit for s, limit in zip(slope, speed, strict=True))
-        along = tuple(rate - part for rate, part in zip(rates, inward, strict=True))
-        lack = max(level - margins_of(at)[kind], 0.0)
-        back = min(self._excess(along) * RETURN_S, 1.0) * lack / RETURN_S / square
-        return tuple(a + back * s * limit for a, s, limit in zip(along, slope, speed, strict=True)), inward
+        return tuple(rate - part for rate, part in zip(rates, inward, strict=True)), inward
 
 
 def _fewer(along: float, inward: float) -> Iterator[tuple[float, float]]:
@@ -201,11 +186,6 @@ def _fewer(along: float, inward: float) -> Iterator[tuple[float, float]]:
         yield along, 0.0
         along /= STEP
     yield 0.0, 0.0
-
-
-def _above(limits: Margins, more: float) -> Margins:
-    type1, type2, constraint, limb = (limit + more for limit in limits)
-    return type1, type2, constraint, limb
 
 
 def _raised(stop: Margins) -> Margins:
