@@ -22,8 +22,8 @@ from irsbot_supervisor.suite import JOINTS, KINEMATICS, RECORDER, SUPERVISOR, No
 if TYPE_CHECKING:  # needs ROS, which the list of rows does not
     from irsbot_supervisor.campaign.peer import Peer
 
-NAME = "nodes frozen and killed"
-MUST = "the robot stands 0.1 s and its braking after the supervisor is gone; the bag is readable; who returns is heard"
+NAME = "outages"
+MUST = "nodes frozen or killed: without its supervisor the robot stands after 0.1 s and its braking, bags are readable"
 
 WATCHED_S = 0.5
 """s that are looked at after a node is gone."""

@@ -17,7 +17,6 @@ from mcap.data_stream import ReadDataStream
 from mcap.reader import make_reader
 from mcap.records import Chunk, Message
 from mcap.stream_reader import breakup_chunk
-from rosbags.rosbag2 import Reader
 
 from irsbot_msgs_py.records import Cause, JointSample, SingularityState, unknown_state
 from irsbot_supervisor.campaign.rows import Job, Row, Tally
@@ -25,8 +24,8 @@ from irsbot_supervisor.mcap_writer import BagError
 from irsbot_supervisor.salvage import salvage
 from irsbot_supervisor.tape import TapeWriter
 
-CUT, CUT_MUST = "bags cut", "a bag cut at any byte gives back every chunk before the cut, and says what is lost"
-FLIP, FLIP_MUST = "bits flipped", "a flipped bit costs the chunk that holds it at most, and it is counted"
+CUT, CUT_MUST = "bags-cut", "a bag cut at any byte gives back every chunk before the cut, and says what is lost"
+FLIP, FLIP_MUST = "bit-flips", "a flipped bit costs the chunk that holds it at most, and it is counted"
 
 BAG_MS = 1000
 """ms of the recording that is damaged."""
@@ -185,5 +184,7 @@ def lines_of(path: Path) -> Iterator[Line]:
 
 def rosbags_count(folder: Path) -> int:
     """Messages in a bag, by the library `rosbags`."""
+    from rosbags.rosbag2 import Reader  # nothing else of the suite needs it
+
     with Reader(folder) as reader:
         return sum(1 for _ in reader.messages())

@@ -25,8 +25,8 @@ from irsbot_supervisor.salvage import salvage
 from irsbot_supervisor.suite import RECORDER, SuiteError, free_domain
 from irsbot_supervisor.tape import Tape
 
-KILL, KILL_MUST = "recorder killed", "SIGKILL at any time: the bag is readable, and at most 1 s is lost"
-LACK, LACK_MUST = "disk full or read only", "the recorder says so, leaves with a code, and the bag is readable"
+KILL, KILL_MUST = "recorder-killed", "SIGKILL at any time: the bag is readable, and at most 1 s is lost"
+LACK, LACK_MUST = "disk", "full or read only: the recorder says so, leaves with a code, and the bag is readable"
 
 PATIENCE_S = 30.0
 """Longest wait until the recorder has written something, or has ended."""

@@ -1,0 +1,63 @@
+"""The rows of the fault campaign that start nodes, short. How old data may get is not asked here: machines differ."""
+
+from __future__ import annotations
+
+import pytest
+
+pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
+
+from irsbot_supervisor.campaign import floods, operators, outages, soak
+from irsbot_supervisor.campaign.rows import Job, Row
+
+pytestmark = [
+    pytest.mark.ros,
+    pytest.mark.slow,
+    # rclpy reads .idl files with a version of lark that still imports this module
+    pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning"),
+]
+
+
+def short(amount: int) -> Job:
+    return Job(amount, 3, lambda number: None)
+
+
+def met(row: Row) -> bool:
+    assert row.ok, f"{row.note} {row.figures}"
+    return True
+
+
+def test_transitions_at_random_are_answered_and_leave_nothing_behind():
+    assert met(operators.run_lifecycle(short(40)))
+
+
+def test_parameters_at_random_are_in_force_as_a_whole_or_not_at_all():
+    row = operators.run_parameters(short(60))
+    assert met(row)
+    assert 0 < row.figures["accepted"] < 60
+
+
+def test_a_thousand_resets_at_once_end_one_stop_once_and_no_active_cause():
+    assert met(operators.run_resets(short(2000)))
+
+
+def test_the_newest_wins_in_a_flood_and_memory_is_bounded(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(floods, "RATES_HZ", (20_000.0,))
+    row = floods.run(short(3))
+    assert row.unsafe == 0
+    growth = {name: value for name, value in row.figures.items() if "memory" in name}
+    assert len(growth) == 3
+    assert max(growth.values()) < floods.GROWTH_MB
+    assert row.figures["20000 Hz: judged [Hz]"] < 3500  # of a flood not every sample
+
+
+def test_nodes_may_freeze_and_die(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(outages, "CASES", outages.CASES[:4])  # the two whose absence means stop
+    row = outages.run(short(4))
+    assert met(row)
+    assert row.figures[outages.STAND_S] > 0.05  # the robot moved on for a while: the test bites
+
+
+def test_the_suite_at_work_holds_no_more_memory_and_descriptors_at_the_end():
+    row = soak.run(short(5))
+    assert met(row)
+    assert row.figures["supervisor at the end [MB]"] > 10.0
