@@ -94,7 +94,7 @@ def test_ten_bad_samples_are_never_called_ok_and_good_ones_are_again(
     assert heard[-1].level == Level.UNKNOWN
     after = cell.heard(lambda verdict: verdict.level == Level.OK, "recovery")
     assert all(verdict.level == Level.UNKNOWN for verdict in after[:-1])
-    cell.wire.until(lambda: sum(state.causes & cause > 0 for state in cell.states[before:]) == 10)
+    cell.wire.until(lambda: any(state.causes & cause for state in cell.states[before:]))
     judged = [state for state in cell.states[before:] if state.causes & cause]
     assert all(state.level == Level.UNKNOWN for state in judged)
     assert all(math.isnan(state.type2_margin) for state in judged)
@@ -244,29 +244,31 @@ def test_a_signal_ends_the_process_with_exit_code_0(wire: Wire, number: signal.S
     assert "Traceback" not in cell.printed
 
 
-def test_a_trajectory_is_checked_while_the_robot_stands(cell: Cell):
-    def ask(*goals: tuple[float, ...]) -> CheckTrajectory.Response:
-        request = CheckTrajectory.Request()
-        request.trajectory.joint_names = list(NAMES)
-        for number, goal in enumerate(goals):
-            point = JointTrajectoryPoint(positions=goal)
-            point.time_from_start.sec = number
-            request.trajectory.points.append(point)
-        return cell.call(CheckTrajectory, "supervisor/check_trajectory", request)
+def check(cell: Cell, *goals: tuple[float, ...]) -> CheckTrajectory.Response:
+    """What the supervisor says of a motion through these joint positions, one per second."""
+    request = CheckTrajectory.Request()
+    request.trajectory.joint_names = list(NAMES)
+    for number, goal in enumerate(goals):
+        point = JointTrajectoryPoint(positions=goal)
+        point.time_from_start.sec = number
+        request.trajectory.points.append(point)
+    return cell.call(CheckTrajectory, "supervisor/check_trajectory", request)
 
+
+def test_a_trajectory_is_checked_while_the_robot_stands(cell: Cell):
     near_by = GOOD[0] - 0.1, GOOD[1] + 0.1
-    safe = ask(GOOD, near_by)
+    safe = check(cell, GOOD, near_by)
     assert safe.safe
     assert math.isnan(safe.violation_time)
-    violated = ask(GOOD, NEAR)
+    violated = check(cell, GOOD, NEAR)
     assert not violated.safe
     assert 0.0 < violated.violation_time <= 1.0
     assert violated.violation_cause in (Cause.TYPE1, Cause.TYPE2)
     assert violated.message
-    assert "positions" in ask(GOOD[:1], GOOD[:1]).message
+    assert "positions" in check(cell, GOOD[:1], GOOD[:1]).message
     cell.say = swinging(GOOD)
     cell.wire.until(lambda: any(abs(rate) > 0.1 for rate in cell.states[-1].joint_velocity))
-    moving = ask(GOOD, near_by)
+    moving = check(cell, GOOD, near_by)
     assert not moving.safe
     assert "moving" in moving.message
 
@@ -400,6 +402,12 @@ def test_markers_show_level_margin_and_the_way_out(wire: Wire):
 def test_an_error_inside_is_an_unknown_verdict_and_the_node_goes_on(wire: Wire, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent / "helpers"), prepend=":")
     cell = Cell(wire, module="fake_failing_mechanism")
+    cell.heard_level(Level.OK)
+    start = len(cell.verdicts)
+    answer = check(cell, GOOD, (3.3, GOOD[1]))
+    assert not answer.safe
+    assert "a fake error of the mechanism" in answer.message
+    cell.wire.until(lambda: any(verdict.causes & Cause.INTERNAL for verdict in cell.verdicts[start:]))
     cell.heard_level(Level.OK)
     cell.say = going(GOOD, (3.0, GOOD[1]), time.time_ns(), 1.0)
     failed = cell.heard(lambda verdict: bool(verdict.causes & Cause.INTERNAL), "INTERNAL")[-1]

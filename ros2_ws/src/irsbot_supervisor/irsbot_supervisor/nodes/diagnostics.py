@@ -9,6 +9,7 @@ from rclpy.node import Node
 from irsbot_msgs_py.records import Cause, Level, Verdict
 from irsbot_supervisor.core.pipeline import Supervisor
 from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.nodes.guard import Fail, guarded
 from irsbot_supervisor.nodes.partners import Finding, Partners
 from irsbot_supervisor.nodes.samples import Samples
 
@@ -36,7 +37,7 @@ _LEVELS = {
 class DiagnosticsPublisher:
     """Remembers the newest verdict and reports it, with the counts of rejected samples."""
 
-    def __init__(self, node: Node, settings: Settings, partners: Partners, samples: Samples) -> None:
+    def __init__(self, node: Node, settings: Settings, partners: Partners, samples: Samples, fail: Fail) -> None:
         self._node, self._partners, self._samples = node, partners, samples
         self._skipped = 0  # until the last report
         self._hardware = settings.robot
@@ -44,7 +45,7 @@ class DiagnosticsPublisher:
         self._supervisor: Supervisor | None = None
         self.publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
-        self.timer = node.create_timer(PERIOD_S, self._report, clock=steady)
+        self.timer = node.create_timer(PERIOD_S, guarded(self._report, fail), clock=steady)
 
     def watch(self, verdict: Verdict, supervisor: Supervisor) -> None:
         """The newest verdict."""

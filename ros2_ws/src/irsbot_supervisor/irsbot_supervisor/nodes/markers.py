@@ -16,6 +16,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from irsbot_kinematics import Mechanism, Posture, Robot, statics
 from irsbot_msgs_py.records import Cause, Level, SingularityState, Verdict
 from irsbot_supervisor.core.pipeline import Supervisor
+from irsbot_supervisor.nodes.guard import Fail, guarded
 
 PERIOD_S = 0.1
 """s between marker messages: smooth enough for people."""
@@ -45,13 +46,14 @@ MARGINS = {
 class MarkersPublisher:
     """Remembers the newest state and verdict and draws them, while somebody looks."""
 
-    def __init__(self, node: LifecycleNode, robot: Robot, supervisor: Supervisor, frame: str) -> None:
+    def __init__(self, node: LifecycleNode, robot: Robot, supervisor: Supervisor, frame: str, fail: Fail) -> None:
         self.state: SingularityState | None = None
         self.verdict: Verdict | None = None
         self._node, self._mechanism, self._supervisor, self._frame = node, robot.mechanism, supervisor, frame
         self._place = (0.0, 0.0, 0.0)
         self.publisher = node.create_publisher(MarkerArray, "~/markers", 1)
-        self.timer = node.create_timer(PERIOD_S, self._draw, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
+        self.timer = node.create_timer(PERIOD_S, guarded(self._draw, fail), clock=steady)
 
     def _draw(self) -> None:
         state, verdict = self.state, self.verdict

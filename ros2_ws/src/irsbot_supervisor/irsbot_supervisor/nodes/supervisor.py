@@ -78,10 +78,10 @@ class SupervisorNode(LifecycleNode):
         self._journal = kept(publisher(String, "~/journal", JOURNAL), self.destroy_publisher)
         self._samples = Samples(self, INLET, self._step)
         kept(self._samples.subscription, self.destroy_subscription)
-        self._diagnostics = DiagnosticsPublisher(self, self._settings, Partners(self), self._samples)
+        self._diagnostics = DiagnosticsPublisher(self, self._settings, Partners(self), self._samples, self._fail)
         kept(self._diagnostics.publisher, self.destroy_publisher)
         kept(self._diagnostics.timer, self.destroy_timer)
-        self._markers = MarkersPublisher(self, self._robot, self._supervisor, self._frame)
+        self._markers = MarkersPublisher(self, self._robot, self._supervisor, self._frame, self._fail)
         kept(self._markers.publisher, self.destroy_publisher)
         kept(self._markers.timer, self.destroy_timer)
         service = self.create_service
@@ -169,7 +169,11 @@ class SupervisorNode(LifecycleNode):
         if supervisor is None or not supervisor.standing:
             response.message = "the robot is moving, or its state is not known: ask while it stands"
             return response
-        return checked(self._robot, self._settings, request, response)
+        try:
+            return checked(self._robot, self._settings, request, response)
+        except Exception as error:
+            self._fail(error)
+            return CheckTrajectory.Response(message=f"an error occurred inside the supervisor: {error}")
 
     def _step(self, event: Event) -> Step | None:
         """The one guard: an error inside becomes an UNKNOWN verdict and a log line."""
