@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from irsbot_supervisor.campaign import approach, clean, delivery, escape, garbage, processes, stamps
+from irsbot_supervisor.campaign import approach, clean, delivery, escape, garbage, loci, processes, stamps
 from irsbot_supervisor.campaign.rows import Entry
 from irsbot_supervisor.campaign.truth import supervised
 
@@ -23,6 +23,6 @@ ENTRIES: tuple[Entry, ...] = (
     Entry(delivery.NAME, delivery.MUST, 5000, 50, delivery.run),
     Entry(stamps.NAME, stamps.MUST, 6000, 60, stamps.run),
     Entry(garbage.NAME, garbage.MUST, 10_000, 200, garbage.run),
-    *processes.ENTRIES,
     Entry(loci.NAME, loci.MUST, 10_000, 4 * len(supervised()), loci.run, over_robots=True),
+    *processes.ENTRIES,
 )

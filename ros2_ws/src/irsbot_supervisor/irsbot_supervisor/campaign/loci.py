@@ -1,0 +1,232 @@
+"""Working modes that flip, and postures on and next to singular loci.
+
+A locus is found by going straight in joint space from a good posture until a leg changes its mode, nothing is assembled
+any more, or a margin vanishes, and closing in on that place. The robot stands 1e-12 to 1e-2 rad or m before it, on it,
+or behind it.
+"""
+
+from __future__ import annotations
+
+from math import exp, isfinite, log
+
+import numpy as np
+from numpy.typing import NDArray
+
+from irsbot_kinematics import Robot, Status, Unreachable
+from irsbot_kinematics.mechanism import Floats
+from irsbot_msgs_py.records import Cause, JointSample, Level, Reset, SingularityState, Verdict
+from irsbot_supervisor.campaign.rows import Job, Row, Tally
+from irsbot_supervisor.campaign.truth import MARGINS, Array, good_postures, joint_ranges, limits, margins, supervised
+from irsbot_supervisor.core.intake import S
+from irsbot_supervisor.core.pipeline import Supervisor
+from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.settings_file import read_settings
+
+NAME = "loci"
+MUST = "mode flips, and postures on and near loci, 1e-12..1e-2: detected and latched; finite; right cause"
+
+NEAREST, FARTHEST = 1e-12, 1e-2
+"""rad or m from a locus."""
+LOOKS = 200
+"""Points at which the way through the joint ranges is looked at."""
+HALVINGS = 60
+"""Of the way between two of them: to the last digit."""
+SHALLOW = 0.05
+"""1: a margin that has its smallest value on a way below this may vanish there; closer looks tell."""
+VANISHED = 1e-6
+"""1: a margin that is smaller has vanished."""
+ROUNDING = 1e-6
+"""1: next to a locus margins change as the root of the distance, and so does the rounding of two solvers."""
+STARTS = 16
+"""Good postures that are looked for at once."""
+
+BEGIN_NS = 10**15
+PERIOD_NS = 1_000_000
+RESTS = 60
+"""ms that a robot stands: longer than the dwell time and the stale limit."""
+
+CAUSES = dict(zip(MARGINS, (Cause.TYPE1, Cause.TYPE2, Cause.CONSTRAINT, Cause.LIMB), strict=True))
+
+
+class Stand:
+    """A supervised robot that stands where it is put, one sample per millisecond."""
+
+    def __init__(self, robot: Robot, settings: Settings) -> None:
+        self._supervisor, self._names, self._ms = Supervisor(settings, robot), settings.joint_names, 0
+        self.verdict: Verdict | None = None
+        self.fault = ""
+
+    def stand(self, joints: Floats) -> bool:
+        """Stand there for a while; returns whether motion was allowed at any time."""
+        allowed = False
+        for _ in range(RESTS):
+            self._ms += 1
+            times = BEGIN_NS + self._ms * PERIOD_NS, BEGIN_NS + self._ms * PERIOD_NS, S + self._ms * PERIOD_NS
+            step = self._supervisor.step(JointSample(*times, self._names, joints, (0.0,) * len(joints)))
+            self.verdict = step.verdict or self.verdict
+            allowed = allowed or (self.verdict is not None and self.verdict.level <= Level.WARN)
+            if step.state is not None and step.state.level < Level.UNKNOWN and not _is_finite(step.state):
+                self.fault = f"{step.state.level.name} with numbers that are not finite"
+        return allowed
+
+    def reset(self) -> str:
+        """Reset what is latched; returns why it was refused."""
+        times = BEGIN_NS + self._ms * PERIOD_NS, S + self._ms * PERIOD_NS
+        return self._supervisor.step(Reset(*times, self.verdict.event if self.verdict else 0, "campaign")).refusal
+
+    @property
+    def said(self) -> str:
+        """The verdict in words."""
+        return f"{self.verdict.level.name}: {self.verdict.text}"[:160] if self.verdict else "no verdict"
+
+
+def run(job: Job) -> Row:
+    """The row: a case is a posture at a locus or a flip, half of each, the same number for every robot."""
+    tally = Tally(NAME, job)
+    names = job.robots or supervised()
+    for k, name in enumerate(names):
+        settings, robot = read_settings(name)
+        rng = np.random.default_rng([job.seed, k])
+        wanted, flips = -(-job.amount // len(names)), len(robot.mechanism.working_modes) > 1
+        done = 0
+        while done < wanted:
+            for start in good_postures(robot, settings, min(STARTS, wanted), rng):
+                found = _flip(robot, settings, start, rng) if flips and done % 2 else None
+                if found is None:
+                    found = _near_locus(robot, settings, start, rng, tally)
+                if found is None or done == wanted:
+                    continue
+                done += 1
+                unsafe, failed = found
+                tally.case(unsafe and f"{name}: {unsafe}", failed and f"{name}: {failed}")
+    return tally.row()
+
+
+# --- postures at a locus --------------------------------------------------------------------------------------------
+
+
+def _near_locus(
+    robot: Robot, settings: Settings, start: Array, rng: np.random.Generator, tally: Tally
+) -> tuple[str, str] | None:
+    """A posture next to a locus, and what was said of it; None if the way meets no locus."""
+    direction = rng.normal(size=len(start))
+    direction /= np.abs(direction).max()
+    distance = _locus(robot, settings, start, direction)
+    if distance is None:
+        return None
+    away = float(rng.choice([-1.0, -1.0, 0.0, 1.0])) * exp(rng.uniform(log(NEAREST), log(FARTHEST)))
+    joints = tuple((start + (distance + away) * direction).tolist())
+    found = robot.evaluate_many(np.array([joints]), settings.assembly_mode)
+    solved, mode = found.status[0] == Status.SOLVED, tuple(found.working_mode[0].tolist())
+    there = margins(robot, settings, np.array([joints]))[0]
+    below = [
+        margin for margin, value, stop in zip(MARGINS, there, limits(settings, "stop"), strict=True) if value < stop
+    ]
+    tally.add("not assembled" if not solved else "behind Type 1" if _flipped(mode, settings) else "before")
+    put = Stand(robot, settings)
+    allowed = put.stand(joints)
+    verdict = put.verdict
+    assert verdict is not None, "sixty samples lead to a verdict"
+    where = f"{away:.1e} from a locus {dict(zip(MARGINS, there.round(6).tolist(), strict=True))}, {put.said}"
+    wrong = not solved or _flipped(mode, settings)
+    if allowed:
+        bad = wrong or (there < limits(settings, "stop") - ROUNDING).any()
+        return (where if bad else ""), put.fault
+    right = Cause.BRANCH | (Cause.NOT_ASSEMBLED if not solved else Cause.NONE)
+    if not wrong:
+        for margin in below:
+            right |= CAUSES[margin]
+    if (wrong or below) and not verdict.latched:
+        return "", f"not latched {where}"
+    if (wrong or below) and not verdict.causes & right:
+        return "", f"another cause {where}"
+    return "", put.fault
+
+
+def _locus(robot: Robot, settings: Settings, start: Array, direction: Array) -> float | None:
+    """How far it is from a posture to the first locus in a direction, rad or m; None if there is none."""
+    low, high = joint_ranges(robot)
+    ways = np.linspace(0.0, float((high - low).max()), LOOKS)
+    looks = start + ways[:, None] * direction
+    same = _is_same(robot, settings, looks)
+    least = margins(robot, settings, looks).min(axis=1)
+    for k in range(1, LOOKS - 1):
+        if not same[k]:
+            return _halved(robot, settings, start, direction, (ways[k - 1], ways[k]))
+        if least[k] < min(SHALLOW, least[k - 1]) and least[k] <= least[k + 1] and same[k + 1]:
+            way = _lowest(robot, settings, start, direction, (ways[k - 1], ways[k + 1]))
+            if way is not None:
+                return way
+    return None
+
+
+def _halved(robot: Robot, settings: Settings, start: Array, direction: Array, between: tuple[float, float]) -> float:
+    """Where the robot leaves its mode or comes apart."""
+    low, high = between
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        if _is_same(robot, settings, (start + middle * direction)[None])[0]:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+def _lowest(
+    robot: Robot, settings: Settings, start: Array, direction: Array, between: tuple[float, float]
+) -> float | None:
+    """Where a margin vanishes without a change of mode; None if it does not."""
+    low, high = between
+    value = 1.0
+    for _ in range(HALVINGS):
+        ways = np.linspace(low, high, 5)
+        least = margins(robot, settings, start + ways[:, None] * direction).min(axis=1)
+        k = int(least.argmin())
+        low, high, value = ways[max(k - 1, 0)], ways[min(k + 1, 4)], float(least[k])
+    return 0.5 * (low + high) if value < VANISHED else None
+
+
+def _is_same(robot: Robot, settings: Settings, Q: Array) -> NDArray[np.bool_]:
+    """(N,) whether postures are assembled in the configured working mode."""
+    found = robot.evaluate_many(Q, settings.assembly_mode)
+    return np.asarray((found.status == Status.SOLVED) & (found.working_mode == settings.working_mode).all(axis=1))
+
+
+# --- flips ------------------------------------------------------------------------------------------------------
+
+
+def _flip(robot: Robot, settings: Settings, start: Array, rng: np.random.Generator) -> tuple[str, str] | None:
+    """A robot whose encoders jump to another working mode of the same pose, and back; None if that is out of reach."""
+    others = [mode for mode in robot.mechanism.working_modes if mode != settings.working_mode]
+    pose = robot.direct(start, settings.assembly_mode)
+    try:
+        flipped: Array = robot.inverse(pose, others[int(rng.integers(len(others)))])
+    except Unreachable:
+        return None
+    put = Stand(robot, settings)
+    if not put.stand(tuple(start.tolist())):
+        return "", f"a good posture is not allowed: {put.said}"
+    put.stand(tuple(flipped.tolist()))
+    assert put.verdict is not None, "sixty samples lead to a verdict"
+    if put.verdict.level <= Level.WARN:
+        return f"flipped, {put.said}", ""
+    if not (put.verdict.latched and put.verdict.causes & Cause.BRANCH):
+        return "", f"flipped, not latched for the branch: {put.said}"
+    visible = not _is_same(robot, settings, np.array([flipped]))[
+        0
+    ]  # else it is another pose in the right mode, for encoders
+    if visible and not put.reset():
+        return "a flipped mode was reset", ""
+    if put.stand(tuple(start.tolist())) or not put.verdict.latched:
+        return "what was latched is gone", ""
+    refusal = put.reset()
+    return "", put.fault or (f"a reset in the right mode is refused: {refusal}" if refusal else "")
+
+
+def _flipped(mode: tuple[int, ...], settings: Settings) -> bool:
+    return any(now == -usual for now, usual in zip(mode, settings.working_mode, strict=True))
+
+
+def _is_finite(state: SingularityState) -> bool:
+    numbers = [*state.pose, *state.type1_margin, state.type2_margin, *state.limb_margin, state.stop_margin]
+    return all(map(isfinite, numbers))
