@@ -97,6 +97,12 @@ def test_jacobians_are_the_gradients_of_the_closure_per_unit_of_force(name, data
     np.testing.assert_allclose(sign * B, B_expected, rtol=0, atol=tolerance)
 
 
+def calm(robot, s: Sample, rates):
+    """Rates at which the platform is no faster than 10 m/s or rad/s: the truncation of the stencils grows with its
+    fifth power, and a small det A makes a platform fast."""
+    return rates / max(1.0, np.abs(robot.velocity(s.x, s.q, rates)).max() / 10.0)
+
+
 def motion(s: Sample, rates, accelerations):
     """q(t) with the given derivatives at t = 0, with a jerk, so that a wrong order of terms shows."""
     return lambda t: s.q + rates * t + accelerations * t * t / 2.0 + rates * t**3
@@ -113,6 +119,7 @@ def test_velocity_is_the_first_difference_of_the_poses_along_a_motion(name, data
     robot = ROBOTS[name]
     s = data.draw(samples(robot, type1=0.1, type2=0.1))
     rates, accelerations = (data.draw(vectors(len(s.q), 3.0)) for _ in range(2))
+    rates = calm(robot, s, rates)
     a, b, _, d, e = poses_along(name, s, motion(s, rates, accelerations))
     expected = (a - 8 * b + 8 * d - e) / (12 * STENCIL_S)
     velocity = robot.velocity(s.x, s.q, rates)
@@ -125,6 +132,7 @@ def test_acceleration_is_the_second_difference_of_the_poses_along_a_motion(name,
     robot = ROBOTS[name]
     s = data.draw(samples(robot, type1=0.1, type2=0.2))
     rates, accelerations = (data.draw(vectors(len(s.q), 3.0)) for _ in range(2))
+    rates = calm(robot, s, rates)
     a, b, c, d, e = poses_along(name, s, motion(s, rates, accelerations))
     expected = (-a + 16 * b - 30 * c + 16 * d - e) / (12 * STENCIL_S**2)
     acceleration = robot.acceleration(s.x, s.q, rates, accelerations)
