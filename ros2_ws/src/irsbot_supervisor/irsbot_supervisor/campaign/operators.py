@@ -26,7 +26,7 @@ LIFECYCLE = "lifecycle"
 LIFECYCLE_MUST = "random transitions: every request is answered, only an active node speaks, 0 crashes, leak < 1 MB"
 PARAMETERS = "parameters-dds"
 PARAMETERS_MUST = "random sets: refused or in force as a whole, as the settings themselves say, 0 crashes, leak < 1 MB"
-RESETS = "resets"
+RESETS = "resets-at-once"
 RESETS_MUST = "1000 calls at once: an active cause is never reset, a stop is reset once, 0 crashes, leak < 1 MB"
 
 LEAK_MB = 1.0
