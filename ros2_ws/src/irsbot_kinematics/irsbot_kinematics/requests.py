@@ -12,6 +12,7 @@ from irsbot_kinematics import batch
 from irsbot_kinematics.arithmetic import Array
 from irsbot_kinematics.mechanism import Signs, Status
 from irsbot_kinematics.robot import Robot
+from irsbot_kinematics.tolerances import FARTHEST_SEED
 
 
 class InverseAnswer(NamedTuple):
@@ -54,8 +55,8 @@ def solve_direct(robot: Robot, joints: Sequence[float], assembly_mode: int, seed
     Q, fault = _rows(joints, len(mechanism.joints), "joints")
     if assembly_mode not in (0, *mechanism.assembly_modes):
         fault = f"assembly mode {assembly_mode} is not one of {mechanism.assembly_modes}, nor 0"
-    if seed and not (len(seed) == len(mechanism.task) and np.isfinite(seed).all()):
-        fault = f"seed must be {len(mechanism.task)} finite numbers or empty"
+    if seed and not (len(seed) == len(mechanism.task) and np.abs(seed).max() <= FARTHEST_SEED):
+        fault = f"seed must be {len(mechanism.task)} finite numbers, at most {FARTHEST_SEED:g}, or empty"
     if fault:
         number = max(len(Q), 1)
         blank = [float("nan")] * (number * len(mechanism.task))

@@ -18,6 +18,9 @@ SIGN_DEAD_BAND = 1e-9
 CLOSURE_TOL_M = 1e-9
 """m: largest closure residual of a pose that a solver returns."""
 
+FARTHEST_SEED = 1e6
+"""m or rad: a pose beyond this is nearer to none of the solutions than to the others, as far as digits can tell."""
+
 SCAN_TOL_M = 1e-9
 """m: to which the boundary of a force workspace is refined along a ray; a thousandth of the last printed digit."""
 

@@ -55,7 +55,7 @@ def test_a_seed_nearer_to_the_other_assembly_mode_is_refused() -> None:
     assert level == Level.UNKNOWN
 
 
-@pytest.mark.parametrize("seed", [(0.3,), (0.3, float("nan")), (0.3, -0.7, 0.0)])
+@pytest.mark.parametrize("seed", [(0.3,), (0.3, float("nan")), (0.3, -0.7, 0.0), (1e308, 0.0)])
 def test_a_seed_that_is_no_pose_is_refused(seed: tuple[float, ...]) -> None:
     refusal, level = _reset(*_lost(), *seed)
     assert "seed must be 2 finite numbers" in refusal

@@ -136,6 +136,13 @@ def test_a_robot_is_supervised_in_its_usual_modes_and_by_its_own_joint_names(rob
     assert len(settings.velocity_limit) == len(mechanism.joints)
 
 
+@pytest.mark.parametrize("name", ["joint_names", "working_mode", "assembly_mode"])
+@pytest.mark.parametrize("nothing", [False, 0.0, ""])
+def test_what_is_empty_only_by_accident_does_not_mean_the_usual_modes_or_names(name, nothing):
+    with pytest.raises(InvalidSettings, match=name):
+        settings_of(**{name: nothing})
+
+
 def test_settings_survive_being_written_down():
     settings, robot = settings_of(type1_warn=0.3, velocity_limit=[3, 4])
     assert settings_from(asdict(settings), robot) == settings

@@ -125,6 +125,14 @@ class Line:
             self.advance()
             self.feed(self.sample())
 
+    def lose_track(self) -> None:
+        """The encoders jump and stay there, then come back: a stop that is latched."""
+        for far in (1.0, 0.0):
+            for _ in range(WARM_UP):
+                self.advance()
+                sample = self.sample()
+                self.deliver([sample._replace(position=tuple(q + far for q in sample.position))])
+
     def reset(self) -> str:
         """An operator resets the stop in force; returns why it was refused."""
         number = self.verdict.event if self.verdict is not None else 0

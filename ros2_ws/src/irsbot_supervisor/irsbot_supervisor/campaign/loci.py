@@ -200,7 +200,7 @@ def _flip(robot: Robot, settings: Settings, start: Array, rng: np.random.Generat
     others = [mode for mode in robot.mechanism.working_modes if mode != settings.working_mode]
     pose = robot.direct(start, settings.assembly_mode)
     try:
-        flipped: Array = robot.inverse(pose, others[int(rng.integers(len(others)))])
+        flipped = np.array(robot.inverse(pose, others[int(rng.integers(len(others)))]), dtype=float)
     except Unreachable:
         return None
     put = Stand(robot, settings)

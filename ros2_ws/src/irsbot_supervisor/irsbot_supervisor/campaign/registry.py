@@ -2,7 +2,18 @@
 
 from __future__ import annotations
 
-from irsbot_supervisor.campaign import approach, clean, delivery, escape, garbage, loci, processes, stamps
+from irsbot_supervisor.campaign import (
+    approach,
+    changes,
+    clean,
+    delivery,
+    escape,
+    garbage,
+    loci,
+    processes,
+    resets,
+    stamps,
+)
 from irsbot_supervisor.campaign.rows import Entry
 from irsbot_supervisor.campaign.truth import supervised
 
@@ -24,5 +35,7 @@ ENTRIES: tuple[Entry, ...] = (
     Entry(stamps.NAME, stamps.MUST, 6000, 60, stamps.run),
     Entry(garbage.NAME, garbage.MUST, 10_000, 200, garbage.run),
     Entry(loci.NAME, loci.MUST, 10_000, 4 * len(supervised()), loci.run, over_robots=True),
+    Entry(changes.NAME, changes.MUST, 10_000, 100, changes.run),
+    Entry(resets.NAME, resets.MUST, 10_000, 200, resets.run),
     *processes.ENTRIES,
 )

@@ -108,13 +108,21 @@ def completed(values: Mapping[str, Any], robot: Robot) -> Settings:
     given: dict[str, Any] = {}
     for name, value in values.items():
         given[name] = _read(value, known[name].metadata, n)
-    given["joint_names"] = given.get("joint_names") or tuple(joint.name for joint in robot.mechanism.joints)
-    given["working_mode"] = given.get("working_mode") or robot.mechanism.usual_working_mode
-    given["assembly_mode"] = given.get("assembly_mode") or robot.mechanism.usual_assembly_mode
+    usual = {
+        "joint_names": tuple(joint.name for joint in robot.mechanism.joints),
+        "working_mode": robot.mechanism.usual_working_mode,
+        "assembly_mode": robot.mechanism.usual_assembly_mode,
+    }
+    given.update({name: value for name, value in usual.items() if _is_open(given.get(name))})
     settings = Settings(**given)
     if faults := _single_faults(settings, n) or _cross_faults(settings, robot):
         raise InvalidSettings("; ".join(faults))
     return settings
+
+
+def _is_open(value: Any) -> bool:
+    """Whether names or modes are left to the robot: nothing said, an empty list, or the number 0."""
+    return value is None or value == () or (type(value) is int and value == 0)
 
 
 def _read(value: Any, metadata: Mapping[str, Any], n: int) -> Any:
