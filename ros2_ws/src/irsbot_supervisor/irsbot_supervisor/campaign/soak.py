@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
@@ -72,12 +73,14 @@ def _work(seconds: int, tally: Tally, folder: Path) -> Mapping[str, list[Use]]:
             peer.ask(evaluate, request)
         uses: dict[str, list[Use]] = {name: [] for name in suite.processes}
         processes = {name: psutil.Process(process.pid) for name, process in suite.processes.items()}
-        begin = time.monotonic()
+        begin, before = time.monotonic(), Level.OK
         for second in range(seconds):
             peer.ask(evaluate, request)
             peer.look(max(begin + second + 1.0 - time.monotonic(), 0.0))
             suite.check()
-            tally.add(FALSE_STOPS, sum(verdict.level > Level.WARN for verdict in peer.verdicts))
+            levels = [before, *(verdict.level for verdict in peer.verdicts)]
+            before = levels[-1]
+            tally.add(FALSE_STOPS, sum(a < Level.STOP <= b for a, b in pairwise(levels)))
             latched = any(verdict.latched for verdict in peer.verdicts)
             tally.case(failed="the robot was stopped, and no longer at work" if latched else "")
             peer.verdicts.clear()
@@ -92,7 +95,7 @@ def _judge(tally: Tally, name: str, series: list[Use]) -> str:
     tenth = max(len(memory) // 10, 1)
     start, end = float(np.median(memory[:tenth])), float(np.median(memory[-tenth:]))
     slope = float(np.polyfit(np.arange(len(memory)), memory, 1)[0]) * 3600.0 if len(memory) > 1 else 0.0
-    first, last = series[0].descriptors, max(use.descriptors for use in series[-tenth:])
+    first, last = (int(np.median([use.descriptors for use in part])) for part in (series[:tenth], series[-tenth:]))
     tally.figures |= {
         f"{name} at the start [MB]": start,
         f"{name} at the end [MB]": end,
