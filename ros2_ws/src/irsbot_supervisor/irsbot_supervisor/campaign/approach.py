@@ -102,7 +102,7 @@ def random_ramps(robot: Robot, settings: Settings, number: int, rng: np.random.G
             if not (crossed.any() and begin_s > 0.0):
                 continue
             ramp = Ramp(start + rates * begin_s, rates, latency_s, age_s, rng.uniform(0.0, PERIOD_S))
-            if not robot.mechanism.labels_hold and not _is_fair(ramp, settings, robot):
+            if not _is_fair(ramp, settings, robot):
                 continue
             yield ramp
             found += 1
@@ -111,8 +111,9 @@ def random_ramps(robot: Robot, settings: Settings, number: int, rng: np.random.G
 
 
 def _is_fair(ramp: Ramp, settings: Settings, robot: Robot) -> bool:
-    """Whether the run can be stopped from its first sample on, and goes wrong if it is not: where labels do not hold,
-    the branch in which it begins may be another than the one in which it was found."""
+    """Whether the run can be stopped from its first sample on, and goes wrong if it is not. Joints that brake each by
+    itself leave the straight way; and where labels do not hold, the branch in which a run begins may be another than
+    the one in which it was found."""
     in_time = spare_of(ramp, ramp.phase_s + ramp.age_s, settings, robot)
     return bool((in_time >= 0.0).all() and (spare_of(ramp, None, settings, robot) < 0.0).any())
 

@@ -1,0 +1,254 @@
+"""The fault campaign in small: every row that needs no ROS, its oracles shown to bite, and its command."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from irsbot_msgs_py.records import Level
+from irsbot_supervisor.campaign import approach, clean, delivery, garbage, loci, resets, stamps, truth
+from irsbot_supervisor.campaign.case import Case
+from irsbot_supervisor.campaign.line import WARM_UP, Line
+from irsbot_supervisor.campaign.registry import ENTRIES
+from irsbot_supervisor.campaign.rows import FALSE_STOPS, RECOVERY_S, TO_STOP_S, Entry, Job, Row, Tally
+from irsbot_supervisor.campaign.runner import Order, run_rows
+from irsbot_supervisor.core import assess, estimator, intake, pipeline
+from irsbot_supervisor.settings_file import read_settings
+
+IRSBOT = [sys.executable, "-m", "irsbot_supervisor"]
+PATIENCE_S = 60.0
+
+AMOUNTS = {
+    "approach": 26,
+    "clean": 4000,
+    "escape": 2,
+    "delivery": 50,
+    "stamps": 48,
+    "garbage": 270,
+    "loci": 26,
+    "settings": 60,
+    "reset-abuse": 200,
+}
+"""Cases of each row here: seconds each."""
+
+SMALL = ("irsbot2", "orthoglide", "rrr3")
+"""For rows over robots whose every robot takes long to prepare."""
+
+
+def quiet(_cases: int) -> None:
+    pass
+
+
+def job(amount: int, *robots: str, seed: int = 1) -> Job:
+    return Job(amount, seed, quiet, robots)
+
+
+@pytest.mark.parametrize("name", AMOUNTS)
+def test_the_row_is_met(name: str) -> None:
+    entry = next(entry for entry in ENTRIES if entry.name == name)
+    told: list[int] = []
+    robots = SMALL if name in ("clean", "escape", "loci") else ()
+    row = entry.run(Job(AMOUNTS[name], 5, told.append, robots))
+    assert row.ok, row
+    assert row.amount >= AMOUNTS[name]
+    assert sum(told) == row.amount
+    assert row.figures.get(FALSE_STOPS, 0.0) == 0.0
+    assert row.figures.get(TO_STOP_S, 0.0) <= 0.06
+    assert row.figures.get(RECOVERY_S, 0.0) <= 0.5
+
+
+def test_the_rows_have_names_of_their_own_and_the_amounts_that_are_asked_for() -> None:
+    names = [entry.name for entry in ENTRIES]
+    assert len(set(names)) == len(names)
+    full = {entry.name: entry.full for entry in ENTRIES}
+    assert full["approach"] >= max(10_000, 1000 * len(truth.supervised()))
+    assert full["clean"] >= 1_000_000
+    assert min(full[name] for name in ("garbage", "loci", "settings")) >= 10_000
+    assert full["escape"] >= 1000
+    assert all(0 < entry.quick <= entry.full for entry in ENTRIES)
+
+
+# --- the oracles bite: a supervisor that is broken in one place breaks the row ---------------------------------------
+
+
+def blind(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The outlook sees the present margins alone."""
+
+    def now(self: Any, at: Any, *_rest: Any, **_more: Any) -> Any:
+        return pipeline.Outlook(assess.margins_of(at), (0.0,) * len(at.joints), 0.0)
+
+    monkeypatch.setattr(pipeline.Foresight, "foresee", now)
+
+
+def trusting(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stamps are believed whatever they are."""
+    monkeypatch.setattr(intake.Intake, "_stamp_fault", lambda *_: None)
+
+
+def careless(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Joints are taken in the order in which they come."""
+
+    def learn(self: Any, names: tuple[str, ...]) -> str:
+        self._names, self._pick = names, lambda values: values[: len(self._joints)]
+        return "" if len(names) >= len(self._joints) else "too few"
+
+    monkeypatch.setattr(intake.Intake, "_learn", learn)
+
+
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Silence is no reason."""
+    monkeypatch.setattr(pipeline.Supervisor, "_pass_time", lambda *_: False)
+
+
+def credulous(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No jump is too far, and nothing is frozen."""
+    monkeypatch.setattr(estimator.Estimator, "_jump", lambda *_: "")
+    monkeypatch.setattr(estimator.Estimator, "_frozen", lambda *_: "")
+
+
+def forgetful(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The working mode of the legs is not looked at."""
+    monkeypatch.setattr(assess.Assessor, "_mode_fault", lambda *_: "")
+
+
+def obliging(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A robot stands whatever its joints do."""
+    monkeypatch.setattr(pipeline.Supervisor, "standing", True)
+
+
+@pytest.mark.parametrize(
+    ("broken", "run", "work"),
+    [
+        (blind, approach.run, job(3, "irsbot2")),
+        (trusting, stamps.run, job(48)),
+        (patient, delivery.run, job(15)),
+        (credulous, delivery.run, job(30)),
+        (careless, garbage.run, job(270)),
+        (credulous, loci.run, job(8, "irsbot2")),
+        (forgetful, loci.run, job(30, "irsbot2")),
+        (obliging, resets.run, job(600)),
+    ],
+)
+def test_a_row_finds_what_is_broken(
+    broken: Callable[[pytest.MonkeyPatch], None],
+    run: Callable[[Job], Row],
+    work: Job,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    broken(monkeypatch)
+    row = run(work)
+    assert row.unsafe + row.failed > 0
+    assert row.note
+
+
+def test_clean_motion_with_limits_that_are_too_wide_has_false_stops(monkeypatch: pytest.MonkeyPatch) -> None:
+    def strict(name: str) -> Any:
+        settings, robot = read_settings(name)
+        return replace(settings, type2_stop=0.9, type2_warn=0.9), robot
+
+    monkeypatch.setattr(clean, "read_settings", strict)
+    monkeypatch.setattr(clean, "works", lambda: ("irsbot2",))
+    monkeypatch.setattr(clean, "swings", lambda robot, settings, _rng: clean.work(robot, settings))
+    row = clean.run(job(2000, "irsbot2"))
+    assert row.failed == row.figures[FALSE_STOPS] > 0
+
+
+def test_a_verdict_that_allows_motion_too_long_after_the_last_true_sample_is_unsafe() -> None:
+    tally = Tally("one", job(1))
+    case = Case("irsbot2", 0.5, np.random.default_rng(1), tally)
+    case.line.run(WARM_UP)
+    assert case.line.level == Level.OK
+    case.watch(case.line.now_ns - case.limit_ns)
+    assert not case.unsafe
+    case.watch(case.line.now_ns - case.limit_ns - 1)
+    assert case.unsafe
+
+
+# --- what is true -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", truth.supervised())
+def test_good_postures_are_in_the_configured_modes_and_within_the_joint_ranges(name: str) -> None:
+    settings, robot = read_settings(name)
+    low, high = truth.joint_ranges(robot)
+    for joints in truth.good_postures(robot, settings, 3, np.random.default_rng(2)):
+        assert (low <= joints).all()
+        assert (joints <= high).all()
+        at = robot.posture(joints, settings.assembly_mode)
+        assert at.working_mode == settings.working_mode
+        assert min(at.type1) >= settings.type1_warn
+        assert at.type2 >= settings.type2_warn
+
+
+def test_a_line_moves_no_faster_than_its_joints_can_and_reports_how_fast() -> None:
+    line = Line("orthoglide", np.random.default_rng(3))
+    before = np.array(line.position)
+    for _ in range(3000):
+        line.run(1)
+        moved = (np.array(line.position) - before) / 1e-3
+        before = np.array(line.position)
+        assert (
+            np.abs(moved - line.velocity).max() <= 0.5 * 40.0 * 1e-3 + 2e-5 / 1e-3
+        )  # half a period of braking, and steps
+    assert [level for _ns, level in line.changes] == [Level.OK]
+
+
+# --- the command --------------------------------------------------------------------------------------------------
+
+
+def irsbot(*words: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*IRSBOT, *words], capture_output=True, text=True, timeout=PATIENCE_S)
+
+
+def test_the_command_runs_the_rows_that_are_named_and_writes_their_table(tmp_path: Path) -> None:
+    table = tmp_path / "table.md"
+    words = ("--quick", "--only", "approach", "--only", "stamps", "--robot", "irsbot2", "--jobs", "2", "--json")
+    done = irsbot("faults", *words, "-o", str(table))
+    assert done.returncode == 0, done.stderr
+    rows = json.loads(done.stdout)["rows"]
+    assert [(row["name"], row["met"]) for row in rows] == [("approach", True), ("stamps", True)]
+    assert "| approach | 2 | 0 | 0 |" in table.read_text()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [(("--only", "typhoon"), "no row 'typhoon'; there are approach"), (("--robot", "hexapod"), "robot 'hexapod'")],
+)
+def test_what_the_command_does_not_know_is_refused_in_one_line(words: tuple[str, str], said: str) -> None:
+    done = irsbot("faults", *words)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+def break_down(_job: Job) -> Row:
+    raise ValueError("out of luck")
+
+
+def not_met(work: Job) -> Row:
+    tally = Tally("bad", work)
+    tally.case(unsafe="allowed")
+    tally.case(failed="late")
+    tally.case()
+    return tally.row()
+
+
+def test_a_row_that_breaks_down_is_a_row_that_is_not_met() -> None:
+    cases: list[tuple[str, int]] = []
+    orders = [Order(Entry(name, "", 3, 3, run), 3, 1) for name, run in (("worse", break_down), ("bad", not_met))]
+    worse, bad = run_rows(orders, 1, lambda name, number: cases.append((name, number)))
+    assert not worse.ok
+    assert worse.note == "ValueError: out of luck"
+    assert (bad.amount, bad.unsafe, bad.failed, bad.note, bad.ok) == (3, 1, 1, "allowed", False)
+
+
+def test_a_row_without_cases_is_not_met() -> None:
+    assert not Row("empty", 0, 0, 0, {}).ok
