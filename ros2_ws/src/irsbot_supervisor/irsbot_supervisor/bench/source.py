@@ -13,7 +13,7 @@ from irsbot_msgs_py.cdr import encode_joint_state
 from irsbot_msgs_py.records import JointSample
 from irsbot_msgs_py.shell import FAILED, run
 from irsbot_supervisor.bench.motion import RATE_HZ, machine_of
-from irsbot_supervisor.nodes.pacing import Pacer
+from irsbot_supervisor.nodes.pacing import Pacer, RosTime
 from irsbot_supervisor.nodes.supervisor import STREAM
 from irsbot_supervisor.settings_file import read_settings
 
@@ -30,6 +30,7 @@ class Source(Node):  # type: ignore[misc]
         self._names, self._machine = settings.joint_names, machine_of(robot, name)
         self._times = array("q")
         self._outlet = self.create_publisher(JointState, "joint_states", STREAM)
+        self._ros_time = RosTime(self.get_clock())
         self._pacer = Pacer(RATE_HZ, self._cycle, self._fail)
 
     def close(self) -> None:
@@ -40,7 +41,7 @@ class Source(Node):  # type: ignore[misc]
 
     def _cycle(self, due_ns: int) -> None:
         reading = self._machine.step(1.0 / RATE_HZ, 1.0)
-        stamp_ns = time.time_ns()
+        stamp_ns = self._ros_time.of(due_ns)  # when the encoders were read: what is made up for was read in time
         message = encode_joint_state(JointSample(stamp_ns, stamp_ns, due_ns, self._names, *reading))
         self._times.extend((stamp_ns, time.monotonic_ns()))
         self._outlet.publish(message)
