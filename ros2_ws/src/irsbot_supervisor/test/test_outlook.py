@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from itertools import product
+from itertools import pairwise, product
 from math import inf, nan
 
 import numpy as np
@@ -77,13 +77,15 @@ def worst_along(robot: irs.Robot, path: Array, at: irs.Posture) -> Array:
     return np.array(rows)
 
 
-def integrated(q: Array, v: Array, brake: Array, latency_s: float, times: Array) -> Array:
-    """(len(times), n) joint positions: constant velocity for the latency, then each joint slows down until it stands.
-    The velocity of each joint, written down as a function of time, is summed up by the trapezoidal rule."""
+def integrated(q: Array, v: Array, a: Array, brake: Array, latency_s: float, times: Array) -> Array:
+    """(len(times), n) joint positions: constant acceleration for the latency, then each joint slows down until it
+    stands. The velocity of each joint, written down as a function of time, is summed up by the trapezoidal rule."""
     fine = np.linspace(0.0, times[-1], 8001)  # a kink costs brake * step^2 / 8, 3e-8 at most
-    speed = np.maximum(np.abs(v)[:, None] - brake[:, None] * np.maximum(fine - latency_s, 0.0), 0.0)
-    steps = 0.5 * (speed[:, 1:] + speed[:, :-1]) * np.diff(fine)
-    way = np.sign(v)[:, None] * np.concatenate((np.zeros((len(v), 1)), np.cumsum(steps, axis=1)), axis=1)
+    end = v + a * latency_s
+    braked = np.maximum(np.abs(end)[:, None] - brake[:, None] * np.maximum(fine - latency_s, 0.0), 0.0)
+    rate = np.where(fine < latency_s, v[:, None] + a[:, None] * fine, np.sign(end)[:, None] * braked)
+    steps = 0.5 * (rate[:, 1:] + rate[:, :-1]) * np.diff(fine)
+    way = np.concatenate((np.zeros((len(v), 1)), np.cumsum(steps, axis=1)), axis=1)
     return q + np.column_stack([np.interp(times, fine, column) for column in way])
 
 
@@ -92,22 +94,57 @@ def integrated(q: Array, v: Array, brake: Array, latency_s: float, times: Array)
 
 @given(
     rates=st.tuples(st.floats(-12.0, 12.0), st.floats(-12.0, 12.0)),
+    gains=st.tuples(st.floats(0.0, 400.0), st.floats(0.0, 400.0)),
     latency_s=st.floats(0.0, 0.05),
     ahead_s=AHEAD,
     brakes=st.tuples(st.floats(20.0, 1000.0), st.floats(20.0, 1000.0)),
 )
-def test_the_braking_path_is_the_integral_of_what_the_drives_do(rates, latency_s, ahead_s, brakes):
+def test_the_braking_path_is_the_integral_of_what_the_drives_do(rates, gains, latency_s, ahead_s, brakes):
+    """While they speed up, or go on as they are."""
     seer, robot = foresight("irsbot2", latency_s=latency_s, deceleration_limit=brakes)
     at = posture(robot, 0.0, -0.85)
-    outlook = seer.foresee(at, rates, ahead_s)
-    v, brake, delay_s = np.array(rates), np.array(brakes), latency_s + ahead_s
-    assert outlook.stop_s == pytest.approx(delay_s + (np.abs(v) / brake).max(), abs=1e-12)
-    assert outlook.travel == pytest.approx(v * delay_s + v * np.abs(v) / (2.0 * brake), abs=1e-12)
-    times = np.linspace(0.0, max(outlook.stop_s, 1e-6), 9)
-    expected = integrated(np.array(at.joints), v, brake, delay_s, times)
+    speeding = tuple(gain if rate >= 0.0 else -gain for rate, gain in zip(rates, gains, strict=True))
+    v, a, brake, delay_s = np.array(rates), np.array(speeding), np.array(brakes), latency_s + ahead_s
+    way = seer.way(at, rates, ahead_s, speeding)
+    travel = way.travel
+    end = v + a * delay_s
+    assert way.stop_s == pytest.approx(delay_s + (np.abs(end) / brake).max(), abs=1e-12)
+    assert travel == pytest.approx(0.5 * (v + end) * delay_s + end * np.abs(end) / (2.0 * brake), abs=1e-12)
+    times = np.linspace(0.0, max(way.stop_s, 1e-6), 9)
+    expected = integrated(np.array(at.joints), v, a, brake, delay_s, times)
     for time_s, joints in zip(times, expected, strict=True):
-        assert seer.position(at.joints, rates, delay_s, time_s) == pytest.approx(joints, abs=1e-6)
-    assert expected[-1] - at.joints == pytest.approx(outlook.travel, abs=1e-6)
+        assert seer.position(way, time_s) == pytest.approx(joints, abs=2e-6)
+    assert seer.foresee(at, rates, ahead_s, acceleration=speeding).travel == travel
+
+
+@given(
+    rates=st.tuples(st.floats(-12.0, 12.0), st.floats(-12.0, 12.0)),
+    gains=st.tuples(st.floats(-400.0, 400.0), st.floats(-400.0, 400.0)),
+    share=st.floats(0.0, 1.0),
+    latency_s=st.floats(1e-4, 0.05),
+)
+def test_slowing_down_and_turning_round_are_within_the_reach_and_beside_the_way_by_no_more_than_it_says(
+    rates, gains, share, latency_s
+):
+    """Of every joint by itself, whatever share of its slowing down lasts."""
+    seer, robot = foresight("irsbot2", latency_s=latency_s)
+    at = posture(robot, 0.0, -0.85)
+    v, a = np.array(rates), np.array(gains)
+    brake = np.array(shipped("irsbot2")[0].deceleration_limit)
+    way = seer.way(at, rates, 0.0, gains)
+    steady = seer.way(at, rates, 0.0, tuple(np.where(v * a < 0.0, 0.0, a)))
+    reach = np.maximum(way.reach, steady.reach)
+    times = np.linspace(0.0, max(way.stop_s, steady.stop_s), 400)
+    lasting = np.where(v * a < 0.0, share * a, a)
+    assert (
+        np.abs(integrated(np.array(at.joints), v, lasting, brake, latency_s, times) - at.joints) <= reach + 1e-6
+    ).all()
+    path = integrated(np.array(at.joints), v, a, brake, latency_s, times)
+    for begin, end in pairwise(np.linspace(0.0, way.stop_s, 6)):
+        ends = np.array([seer.position(way, begin), seer.position(way, end)])
+        part = path[(times >= begin) & (times <= end)]
+        assert (part >= ends.min(axis=0) - way.errors - 1e-6).all()
+        assert (part <= ends.max(axis=0) + way.errors + 1e-6).all()
 
 
 def test_a_sample_that_is_late_counts_like_latency():
@@ -120,14 +157,16 @@ def test_a_sample_that_is_late_counts_like_latency():
 # --- certified margins ------------------------------------------------------------------------------------------
 
 
-def checked(name: str, at: irs.Posture, rates, ahead_s: float, error: Array, seer: Foresight) -> tuple[Array, Array]:
+def checked(
+    name: str, at: irs.Posture, rates, ahead_s: float, error: Array, seer: Foresight, gains: Array
+) -> tuple[Array, Array]:
     """The certified floor and the smallest margins met on the densely sampled braking path, if the joints are wrong
-    by `error`. Raises AssertionError where the floor is not below."""
+    by `error` and go on with the accelerations `gains`. Raises AssertionError where the floor is not below."""
     settings, robot = shipped(name)
     brake = np.array(settings.deceleration_limit)
-    outlook = seer.foresee(at, tuple(rates), ahead_s)
+    outlook = seer.foresee(at, tuple(rates), ahead_s, acceleration=tuple(gains))
     times = np.linspace(0.0, outlook.stop_s, 200)
-    path = integrated(np.array(at.joints) + error, np.array(rates), brake, settings.latency_s + ahead_s, times)
+    path = integrated(np.array(at.joints) + error, np.array(rates), gains, brake, settings.latency_s + ahead_s, times)
     met = worst_along(robot, path, at).min(axis=0)
     floor = np.array(outlook.floor)
     assert not np.isnan(floor).any()
@@ -147,7 +186,7 @@ def test_nobody_is_stopped_for_a_bound_alone_where_the_braking_path_is_well_with
     for at in postures(name, 30, float(settings.type2_warn)):
         for speed in (0.3, 0.6, 1.0):
             rates = speed * rng.uniform(-1.0, 1.0, len(at.joints)) * settings.velocity_limit
-            floor, met = checked(name, at, rates, 0.001, np.zeros(len(at.joints)), seer)
+            floor, met = checked(name, at, rates, 0.001, np.zeros(len(at.joints)), seer, np.zeros(len(at.joints)))
             if (met >= np.minimum(enough, 0.75)).all():
                 bites += 1
                 assert (floor >= stop).all(), f"{rates} from {at.joints}: {floor} where {met} is met"
@@ -157,8 +196,8 @@ def test_nobody_is_stopped_for_a_bound_alone_where_the_braking_path_is_well_with
 @every_robot
 @pytest.mark.parametrize("changes", [{}, ALL_CUT], ids=["shipped", "cut"])
 def test_no_margin_on_the_braking_path_is_below_its_certified_floor(name, changes):
-    """Random postures over the whole range and random velocities up to the limit; and the floor is worth something:
-    where nothing comes near on the way, it is not 0."""
+    """Random postures over the whole range, random velocities up to the limit, some of them with accelerations; and
+    the floor is worth something: where nothing comes near on the way, it is not 0."""
     rng = np.random.default_rng(5)
     error = 2e-4
     seer, _robot = foresight(name, encoder_offset=error - 0.5e-5, **changes)
@@ -167,9 +206,10 @@ def test_no_margin_on_the_braking_path_is_below_its_certified_floor(name, change
     for at in postures(name, 40, 0.02):
         rates = rng.uniform(-1.0, 1.0, len(limits)) * limits * 10.0 ** rng.uniform(-2.0, 0.0)
         wrong = rng.choice([-error, 0.0, error], len(limits))
-        floor, met = checked(name, at, rates, rng.choice([0.0, 0.005]), wrong, seer)
+        gains = rng.choice([0.0, 0.0, 0.5]) * rng.uniform(-1.0, 1.0, len(limits)) * shipped(name)[0].deceleration_limit
+        floor, met = checked(name, at, rates, rng.choice([0.0, 0.005]), wrong, seer, gains)
         finite = np.isfinite(met)
-        if (met[finite] > 0.2).all():
+        if (met[finite] > 0.2).all() and not gains.any():
             useful.append((floor[finite] / met[finite]).min())
         near += (met < 0.1).any()
     assert len(useful) >= 5, "no way is free: the fixture proves nothing"

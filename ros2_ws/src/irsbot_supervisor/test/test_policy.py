@@ -32,7 +32,7 @@ def judge(
     floor=GOOD, now=GOOD, *, velocity=(0.0, 0.0), degraded="", branch="", held=0, reaction=(0.0, 0.0), at=AT, **changes
 ) -> list[Finding]:
     settings = settings_of(**{**LIMITS, **changes})[0] if changes else SETTINGS
-    estimate = Estimate(1, 1, 1, AT.joints, velocity, (), degraded, 0.0)
+    estimate = Estimate(1, 1, 1, AT.joints, velocity, (), degraded, 0.0, (0.0, 0.0))
     outlook = Outlook(floor, (0.0, 0.0), 0.01) if floor is not None else None
     return Policy(settings).judge(estimate, Assessment(at, now, branch), outlook, reaction, held)
 

@@ -42,6 +42,7 @@ class Estimate(NamedTuple):
     effort: Floats  # N m or N; empty when not measured
     degraded: str  # empty, or why rates were derived from the positions
     ahead_s: float  # s that the robot goes on unseen: the age of the sample, and until the next can be expected
+    acceleration: Floats  # rad/s2 or m/s2, since the sample before; 0 where that is not known, at most what drives can
 
 
 class Estimator:
@@ -65,6 +66,7 @@ class Estimator:
         self._doubt = tuple(DISAGREEMENT * speed for speed in settings.velocity_limit)
         self._brake = settings.deceleration_limit
         self._slow = settings.standstill_speed
+        self._steady = (0.0,) * len(settings.deceleration_limit)
         self._step = 2.0 * settings.encoder_resolution
         self._stale_ns = round(settings.stale_s * S)
 
@@ -180,6 +182,12 @@ class Estimator:
 
     def _keep(self, sample: Accepted, velocity: Floats, degraded: str, expected_s: float) -> Estimate:
         age = sample.received_ns - sample.stamp_ns
+        last = self._last
+        acceleration = self._steady
+        if last is not None and expected_s > 0.0 and last.velocity != velocity:
+            dt = (sample.stamp_ns - last.stamp_ns) / S
+            pairs = zip(velocity, last.velocity, self._brake, strict=True)
+            acceleration = tuple([_within((now - then) / dt, most) for now, then, most in pairs])
         estimate = Estimate(
             sample.stamp_ns,
             sample.received_ns,
@@ -189,9 +197,15 @@ class Estimator:
             sample.effort,
             degraded,
             expected_s + (age / S if age > 0 else 0.0),
+            acceleration,
         )
         self._last = estimate
         return estimate
 
     def _difference(self, now: Floats, before: Floats) -> Floats:
         return tuple(map(remainder, map(sub, now, before), self._turns))
+
+
+def _within(value: float, most: float) -> float:
+    """Drives speed up no faster than they brake; what is not known counts as none."""
+    return min(max(value, -most), most) if isfinite(value) else 0.0

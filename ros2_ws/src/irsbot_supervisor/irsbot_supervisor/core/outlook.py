@@ -1,14 +1,16 @@
 """What happens until the robot stands still: the path of braking, and the smallest margins along it, certified.
 
-After the latency every joint brakes with its own constant deceleration. The path is monotonic per joint, so every
+Until the latency has passed every joint goes on with the acceleration that it has, then it brakes with its own constant
+deceleration. The path is monotonic per joint, so every
 stretch of it lies in a box of joint positions, and the mechanism bounds its margins over a box from below. One box for
 the whole path usually settles the question; where it does not, the path is cut, worst stretch first.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from heapq import heappop, heappush
-from math import copysign, inf
+from math import inf
 from typing import TYPE_CHECKING, NamedTuple
 
 from irsbot_kinematics import Guarantee, Mechanism, Posture
@@ -40,6 +42,19 @@ class Outlook(NamedTuple):
     stop_s: float  # s until the last joint stands
 
 
+class Way(NamedTuple):
+    """How the joints go on until they stand."""
+
+    joints: Floats  # rad or m, now
+    rates: Sequence[float]  # rad/s or m/s, now
+    gains: Sequence[float]  # rad/s2 or m/s2, until the brakes act
+    errors: Sequence[float]  # rad or m that a joint may be beside this
+    travel: Floats  # rad or m, signed, from now until it stands
+    reach: Sequence[float]  # rad or m that a joint gets away from where it is
+    delay_s: float  # from now until the brakes act
+    stop_s: float  # from now until the last joint stands
+
+
 class Foresight:
     """Follows the braking path of a mechanism under given settings."""
 
@@ -48,64 +63,79 @@ class Foresight:
         self._latency = settings.latency_s
         self._brakes = settings.deceleration_limit
         self._error = position_error(settings)
+        self._steady = (0.0,) * len(settings.deceleration_limit)
         self._slack_m = settings.geometry_tolerance_m
         self._wanted = limits_of(settings, "warn")
         self._stop = limits_of(settings, "stop")
 
-    def foresee(self, at: Posture, velocity: Floats, ahead_s: float, wanted: Margins | None = None) -> Outlook:
+    def foresee(
+        self, at: Posture, velocity: Floats, ahead_s: float, wanted: Margins | None = None, acceleration: Floats = ()
+    ) -> Outlook:
         """Certified margins until standstill from a solved posture, if the joints go on as they are for `ahead_s` and
-        the latency, then brake. NaN velocities give floors of 0. wanted: bounds that high are good enough, lower ones
-        are made sharper. If left out the warning limits, and more is done before a bound falls below a stop limit."""
-        latency, error = self._latency + ahead_s, self._error
-        travel, reach, stop_s = [], [], 0.0
-        for rate, brake in zip(velocity, self._brakes, strict=True):
-            speed = abs(rate)
-            time_s = speed / brake
-            path = speed * (latency + 0.5 * time_s)
-            travel.append(copysign(path, rate))
-            reach.append(path + error)
-            if not time_s <= stop_s:
-                stop_s = time_s
-        stop_s += latency
-        if not stop_s < inf:
-            return Outlook(nothing_of(at), tuple(travel), inf)
+        the latency, then brake. NaN rates give floors of 0. wanted: bounds that high are good enough, lower ones are
+        made sharper. If left out the warning limits, and more is done before a bound falls below a stop limit.
+        acceleration: rad/s2 or m/s2 with which the joints go on; none if left out."""
+        way = self.way(at, velocity, ahead_s, acceleration or self._steady)
+        travel, reach, slowing = way.travel, way.reach, False
+        if acceleration and (slowing := any(v * a < 0.0 for v, a in zip(velocity, acceleration, strict=True))):
+            # Nobody knows whether slowing down lasts: both ways count.
+            steady = [0.0 if v * a < 0.0 else a for v, a in zip(velocity, acceleration, strict=True)]
+            other = self.way(at, velocity, ahead_s, steady)
+            reach = list(map(max, reach, other.reach))
+        if not way.stop_s < inf:
+            return Outlook(nothing_of(at), travel, inf)
         whole = self._mechanism.guarantee(at, reach, self._slack_m)
         floor = floor_of(whole)
         stop, wanted = self._stop if wanted is None else None, wanted or self._wanted
         if not (floor[0] >= wanted[0] and floor[1] >= wanted[1] and floor[2] >= wanted[2] and floor[3] >= wanted[3]):
-            floor = self._cut(at, velocity, latency, stop_s, wanted, stop)
-        return Outlook(floor, tuple(travel), stop_s)
+            floor = self._cut(at, way, wanted, stop)
+            if slowing:
+                type1, type2, constraint, limb = map(min, floor, self._cut(at, other, wanted, stop))
+                floor = type1, type2, constraint, limb
+        return Outlook(floor, travel, way.stop_s)
 
-    def position(self, joints: Floats, velocity: Floats, latency_s: float, time_s: float) -> Floats:
-        """Joint positions `time_s` after the sample when the robot begins to brake `latency_s` after it."""
-        coasting = min(time_s, latency_s)
-        braking = max(time_s - latency_s, 0.0)
+    def way(self, at: Posture, velocity: Floats, ahead_s: float, acceleration: Sequence[float]) -> Way:
+        """The braking path, if the joints keep their acceleration until the brakes act."""
+        delay, error = self._latency + ahead_s, self._error
+        errors, travel, reach, braking_s = [], [], [], 0.0
+        for rate, gain, brake in zip(velocity, acceleration, self._brakes, strict=True):
+            more = gain * delay
+            last = rate + more
+            beside = error
+            if rate * last < 0.0:  # the joint turns round: what it goes forth first lies beside its way
+                beside += 0.5 * rate * rate / abs(gain)
+            time_s = abs(last) / brake
+            path = (rate + 0.5 * more) * delay + 0.5 * last * time_s
+            errors.append(beside)
+            travel.append(path)
+            reach.append(abs(path) + beside)
+            if not time_s <= braking_s:
+                braking_s = time_s
+        return Way(at.joints, velocity, acceleration, errors, tuple(travel), reach, delay, delay + braking_s)
+
+    def position(self, way: Way, time_s: float) -> Floats:
+        """Joint positions on the braking path, `time_s` after the sample."""
+        delay = way.delay_s
+        before, after = min(time_s, delay), max(time_s - delay, 0.0)
         reached = []
-        for q, v, a in zip(joints, velocity, self._brakes, strict=True):
-            t = min(braking, abs(v) / a)
-            reached.append(q + v * (coasting + t) - (0.5 * a * t * t if v > 0.0 else -0.5 * a * t * t))
+        for q, rate, gain, brake in zip(way.joints, way.rates, way.gains, self._brakes, strict=True):
+            v = rate + gain * delay
+            t = min(after, abs(v) / brake)
+            q += (rate + 0.5 * gain * before) * before + v * t
+            reached.append(q - (0.5 * brake * t * t if v > 0.0 else -0.5 * brake * t * t))
         return tuple(reached)
 
-    def _cut(
-        self,
-        at: Posture,
-        velocity: Floats,
-        latency_s: float,
-        stop_s: float,
-        wanted: Margins,
-        stop: Margins | None,
-    ) -> Margins:
+    def _cut(self, at: Posture, way: Way, wanted: Margins, stop: Margins | None) -> Margins:
         """Bounds along the path in stretches; the stretch farthest below what is wanted is cut next. stop: limits
         below which no bound shall fall as long as the margins themselves do not."""
         stretches: list[Stretch] = []
         nothing = nothing_of(at)
 
         def ends(start: float, end: float) -> tuple[Floats, Floats]:
-            begun, over = (self.position(at.joints, velocity, latency_s, time_s) for time_s in (start, end))
-            return begun, over
+            return self.position(way, start), self.position(way, end)
 
         def add(start: float, end: float, begin: Posture) -> Posture:
-            floor, middle, after = self._bound(begin, *ends(start, end), nothing)
+            floor, middle, after = self._bound(begin, *ends(start, end), way.errors, nothing)
             heappush(stretches, (_spare(floor, wanted), start, end, floor, begin, middle))
             return after
 
@@ -114,7 +144,7 @@ class Foresight:
             middle = 0.5 * (start + end)
             add(middle, end, add(start, middle, begin))
 
-        add(0.0, stop_s, at)
+        add(0.0, way.stop_s, at)
         for _ in range(CUTS):
             if stretches[0][0] >= 0.0:
                 break
@@ -126,7 +156,7 @@ class Foresight:
                 break
             if not (middle.status == SOLVED and _spare(margins_of(middle), stop or wanted) >= 0.0):
                 break  # it is truly so
-            if not max(abs(b - a) for a, b in zip(*ends(start, end), strict=True)) > self._error:
+            if not any(abs(b - a) > e for a, b, e in zip(*ends(start, end), way.errors, strict=True)):
                 break  # what is left is the error of the encoders
             stretches.remove(worst)
             halve(worst)
@@ -138,7 +168,9 @@ class Foresight:
             min([f[3] for f in floors]),
         )
 
-    def _bound(self, begin: Posture, first: Floats, last: Floats, nothing: Margins) -> tuple[Margins, Posture, Posture]:
+    def _bound(
+        self, begin: Posture, first: Floats, last: Floats, errors: Sequence[float], nothing: Margins
+    ) -> tuple[Margins, Posture, Posture]:
         """Bounds of the margins anywhere between two joint positions, `nothing` if there are none; the posture in the
         middle; and one of the same branch for the next stretch. begin: such a posture, the one at `first` if labels
         fail."""
@@ -147,7 +179,7 @@ class Foresight:
             middle = tuple([0.5 * (a + b) for a, b in zip(first, last, strict=True)])
             at = self._mechanism.track(middle, begin)
             if at.status == SOLVED:
-                half = [0.5 * abs(b - a) + self._error for a, b in zip(first, last, strict=True)]
+                half = [0.5 * abs(b - a) + error for a, b, error in zip(first, last, errors, strict=True)]
                 floor = floor_of(self._mechanism.guarantee(at, half, self._slack_m))
             if not self._mechanism.labels_hold:  # both ways lie in the box whose margins are bounded
                 after = self._mechanism.track(last, at) if at.status == SOLVED else at

@@ -222,7 +222,9 @@ class Supervisor:
         """None where there is nothing to start from."""
         if assessment.at.status != SOLVED or not isfinite(sum(estimate.velocity)):
             return None
-        return self._foresight.foresee(assessment.at, estimate.velocity, estimate.ahead_s)
+        return self._foresight.foresee(
+            assessment.at, estimate.velocity, estimate.ahead_s, acceleration=estimate.acceleration
+        )
 
     def _escape(self, assessment: Assessment, found: list[Finding]) -> Floats:
         """Unit vector in joint space along which the margin that caused the stop grows most."""
