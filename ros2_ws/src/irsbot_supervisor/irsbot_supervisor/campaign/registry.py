@@ -13,6 +13,7 @@ from irsbot_supervisor.campaign import (
     processes,
     resets,
     stamps,
+    swings,
 )
 from irsbot_supervisor.campaign.rows import Entry
 from irsbot_supervisor.campaign.truth import supervised
@@ -29,6 +30,7 @@ ENTRIES: tuple[Entry, ...] = (
         approach.run,
         over_robots=True,
     ),
+    Entry(swings.NAME, swings.MUST, 200 * len(supervised()), len(supervised()), swings.run, over_robots=True),
     Entry(clean.NAME, clean.MUST, 1_000_000, 20_000, clean.run, over_robots=True),
     Entry(escape.NAME, escape.MUST, 1000, len(supervised()), escape.run, over_robots=True),
     Entry(delivery.NAME, delivery.MUST, 5000, 50, delivery.run),
