@@ -17,7 +17,8 @@ from irsbot_supervisor.cli.common import Failed, err, out, print_json, refuse
 if TYPE_CHECKING:
     from irsbot_supervisor.campaign.runner import Order
 
-HEADINGS = ("row", "amount", "unsafe", "failed", "false stops", "to STOP [s]", "recovery [s]", "must", "met")
+MUST = "must"
+HEADINGS = ("row", "amount", "unsafe", "failed", "false stops", "to STOP [s]", "recovery [s]", MUST, "met")
 
 
 def faults(
@@ -98,9 +99,15 @@ def _short(value: float) -> str:
 
 
 def _table(rows: Sequence[Row], known: dict[str, Entry]) -> Table:
-    table = Table(*HEADINGS, title="fault campaign", caption="\n".join(map(_more, rows)), caption_justify="left")
+    """What has to hold stands below, with the figures that have no column: it is too long for one."""
+    said = "\n".join(f"{_more(row)}\n  must: {known[row.name].must}" for row in rows)
+    table = Table(title="fault campaign", caption=said, caption_justify="left")
+    for heading in HEADINGS:
+        if heading != MUST:
+            table.add_column(heading, overflow="fold")
     for row in rows:
-        table.add_row(*_cells(row, known[row.name].must))
+        cells = dict(zip(HEADINGS, _cells(row, known[row.name].must), strict=True))
+        table.add_row(*(cell for heading, cell in cells.items() if heading != MUST))
     return table
 
 
