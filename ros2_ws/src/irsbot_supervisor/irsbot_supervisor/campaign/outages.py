@@ -131,7 +131,7 @@ def _told(tally: Tally, recording: Recording, gone: Gone) -> tuple[str, str]:
     settings, _robot = read_settings("irsbot2")
     heard = [(log_ns, v.level) for log_ns, v in recording.verdicts if gone.at_ns < log_ns < gone.at_ns + WATCHED_S * S]
     if not any(level == Level.UNKNOWN for _log_ns, level in heard):
-        return "", "no verdict UNKNOWN after the joint states ended"
+        return "", f"no verdict UNKNOWN among the {len(heard)} of {WATCHED_S} s after the joint states ended"
     last_s = (max((log_ns for log_ns, level in heard if level < Level.STOP), default=gone.at_ns) - gone.at_ns) / S
     tally.largest(TO_STOP_S, last_s)
     limit_s = settings.stale_s + settings.heartbeat_s + ARRIVAL_S
