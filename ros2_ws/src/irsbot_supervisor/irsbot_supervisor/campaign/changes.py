@@ -95,6 +95,7 @@ def _configure(line: Line, changes: dict[str, Any], tally: Tally) -> tuple[str, 
     supervisor = line.supervisor
     before, verdict = supervisor.settings, line.verdict
     assert verdict is not None, "a line that runs has a verdict"
+    tally.add("while a stop was latched", float(verdict.latched))
     event = configured(before, supervisor.robot, line.received_ns, line.now_ns)
     event = event._replace(values={**event.values, **changes})
     unsafe = failed = ""
