@@ -24,6 +24,8 @@ from math import asin, inf, pi, sin, sqrt
 BALANCE = 0.1
 """1: translation and turn of a box are at least this share of one another (turns times the radius): a motion that
 begins as a pure turn about the platform point would otherwise have a box without width."""
+LEAST_M = 1e-100
+"""m: boxes are not made smaller. A wider one bounds as well, and the squares and shares of this are still numbers."""
 HALF = 0.5
 """1: share of its size up to which `level_after` follows the change of a normal."""
 CHORD = pi / 3.0
@@ -47,6 +49,7 @@ def displacement_and_turn(
     """
     if x0 == 0.0 and y0 == 0.0:
         return 0.0, 0.0
+    x0 = max(x0, LEAST_M)
     x0, y0 = max(x0, BALANCE * radius * y0), max(y0, BALANCE * x0 / radius)
     reach = x0 + radius * y0
     worst = max(moves / x0, turns / y0)

@@ -199,3 +199,15 @@ def test_clearance_of_the_worked_example_is_the_exact_distance_to_the_boundary()
     robot = ROBOTS["irsbot2"]
     at = robot.posture(robot.inverse((0.3, -0.75)))
     assert robot.mechanism.clearance(at) == pytest.approx(0.352478386, abs=1e-9)
+
+
+@every_robot
+@pytest.mark.parametrize("travel", [5e-324, 1e-323, 1e-310, 1e-200, 1e-60])
+def test_a_box_that_is_smaller_than_any_motion_loses_nothing(name, travel):
+    robot = ROBOTS[name]
+    for _assembly, at in random_postures(robot, np.random.default_rng(8), 12):
+        if min(min(at.type1), at.type2) < 0.1:
+            continue
+        found = robot.mechanism.guarantee(at, (travel,) * len(at.joints))
+        assert found.type2 == pytest.approx(at.type2, abs=1e-9)
+        assert found.type1 == pytest.approx(at.type1, abs=1e-9)

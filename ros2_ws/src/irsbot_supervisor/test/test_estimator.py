@@ -319,6 +319,20 @@ def test_when_the_clock_of_the_sender_was_set_back_a_jump_is_told_by_the_steady_
     assert filter_.lost_track is lost
 
 
+@pytest.mark.parametrize("back_ms", [40, 45, 49, 60, 500])
+def test_no_branch_is_lost_when_the_clock_of_the_sender_is_set_back_while_a_joint_moves(back_ms):
+    """What was stamped before does not count again (the intake sees to it). Set back by less than the 50 ms of the
+    stale limit, stamps go on right behind the last one, and the joint has moved all the while."""
+    filter_ = estimator()
+    watch(filter_, moving((6.0, 0.0), (6.0, 0.0), 0, 50))
+    for ms in range(50, 300):
+        if ms - back_ms > 49 or ms > 49 + 50:
+            position = 0.006 * ms, 1.0
+            filter_.update(accepted(ms - back_ms, position, (6.0, 0.0), seen_ms=ms))
+            assert not filter_.lost_track
+    good(filter_.update(accepted(300 - back_ms, (1.8, 1.0), (6.0, 0.0), seen_ms=300)))
+
+
 # --- settings ---------------------------------------------------------------------------------------------------
 
 

@@ -83,8 +83,11 @@ class Estimator:
         velocity, degraded = sample.velocity, ""
         if self._astray is not None or self._stuck or not self._ordinary(moved, velocity, dt):
             if fault := self._jumped(sample, last, moved, dt):
+                passed_s = (sample.seen_ns - last.seen_ns) / S
                 if sample.seen_ns - last.seen_ns > self._stale_ns:  # not a glitch: it stays there
-                    self.lost_track = True
+                    self.lost_track = self._astray is not None or bool(
+                        self._jump(moved, passed_s)
+                    )  # or a clock was set
                     return self._start(sample)
                 return Rejected(Cause.IMPLAUSIBLE, fault)
             if (0.0 in moved or self._stuck) and (fault := self._frozen(sample, moved, dt)):
