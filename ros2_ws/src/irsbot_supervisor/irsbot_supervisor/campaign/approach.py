@@ -111,10 +111,10 @@ def random_ramps(robot: Robot, settings: Settings, number: int, rng: np.random.G
 
 
 def _is_fair(ramp: Ramp, settings: Settings, robot: Robot) -> bool:
-    """Whether the run can be stopped from its first sample on, and goes wrong if it is not. Joints that brake each by
-    itself leave the straight way; and where labels do not hold, the branch in which a run begins may be another than
-    the one in which it was found."""
-    in_time = spare_of(ramp, ramp.phase_s + ramp.age_s, settings, robot)
+    """Whether the run can be stopped from its second sample on, and goes wrong if it is not. How often samples come is
+    known from the second on. Joints that brake each by itself leave the straight way; and where labels do not hold, the
+    branch in which a run begins may be another than the one in which it was found."""
+    in_time = spare_of(ramp, ramp.phase_s + ramp.age_s + PERIOD_S, settings, robot)
     return bool((in_time >= 0.0).all() and (spare_of(ramp, None, settings, robot) < 0.0).any())
 
 

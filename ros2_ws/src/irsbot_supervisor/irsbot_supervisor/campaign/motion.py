@@ -66,24 +66,27 @@ def swings(robot: Robot, settings: Settings, rng: np.random.Generator) -> Motion
         here = there
 
 
-def braking(position: Array, velocity: Array, settings: Settings, number: int) -> Array:
-    """(number, n) points on the way to standstill if each joint brakes by itself, a little later than the latency."""
+def braking(position: Array, velocity: Array, gain: Array, settings: Settings, number: int) -> Array:
+    """(number, n) points on the way to standstill if the joints keep an acceleration until a little later than the
+    latency, and each then brakes by itself."""
     brakes, late = np.array(settings.deceleration_limit), settings.latency_s + BEYOND_S
-    speed = np.abs(velocity)
-    times = np.linspace(0.0, late + (speed / brakes).max(), number)[:, None]
-    slowing = np.clip(times - late, 0.0, speed / brakes)
-    return np.asarray(
-        position + velocity * (np.minimum(times, late) + slowing) - 0.5 * np.sign(velocity) * brakes * slowing**2
-    )
+    last = velocity + gain * late
+    times = np.linspace(0.0, late + (np.abs(last) / brakes).max(), number)[:, None]
+    going, slowing = np.minimum(times, late), np.clip(times - late, 0.0, np.abs(last) / brakes)
+    way = (velocity + 0.5 * gain * going) * going + last * slowing - 0.5 * np.sign(last) * brakes * slowing**2
+    return np.asarray(position + way)
 
 
 def _is_clean(motion: JointPath, robot: Robot, settings: Settings) -> bool:
+    """Whether the margins are good wherever the joints would get: as they go, if their acceleration lasts, if they do
+    not slow down as they are about to."""
     enough = np.minimum(HEADROOM * limits(settings, "warn"), ENOUGH)
     rows = []
     for t in np.linspace(0.0, motion.duration_s, LOOKS):
-        point = motion.at(float(t))
-        out = braking(np.array(point.position), np.array(point.velocity), settings, BRAKING)
-        rows += [out, out[::-1]]  # and back, so that a branch can be followed through all of it
+        position, velocity, gain = (np.array(part) for part in motion.at(float(t)))
+        for kept in (gain, np.where(velocity * gain < 0.0, 0.0, gain), np.zeros(len(gain))):
+            out = braking(position, velocity, kept, settings, BRAKING)
+            rows += [out, out[::-1]]  # and back, so that a branch can be followed through all of it
     return bool((margins_along(robot, settings, np.concatenate(rows)) >= enough).all())
 
 
