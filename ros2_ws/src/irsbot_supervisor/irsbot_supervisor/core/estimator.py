@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from math import copysign, inf, isfinite, nan, remainder, tau
 from operator import sub
 from typing import NamedTuple
@@ -42,7 +43,7 @@ class Estimate(NamedTuple):
     effort: Floats  # N m or N; empty when not measured
     degraded: str  # empty, or why rates were derived from the positions
     ahead_s: float  # s that the robot goes on unseen: the age of the sample, and until the next can be expected
-    acceleration: Floats  # rad/s2 or m/s2, since the sample before; 0 where that is not known, at most what drives can
+    acceleration: Floats  # rad/s2 or m/s2, over the last latency; 0 where that is not known, at most what drives can
 
 
 class Estimator:
@@ -55,6 +56,7 @@ class Estimator:
         self._last: Estimate | None = None
         self._astray: Accepted | None = None
         self._interval_s = inf
+        self._past: deque[tuple[int, Floats]] = deque()  # stamps and velocities, over the latency
         self._stuck: dict[int, tuple[float, int]] = {}  # joint: way reported while it stood still, and since when
         self.lost_track = False
         """A jump that no motion explains has happened and was then confirmed: the branch is not known any more."""
@@ -67,6 +69,7 @@ class Estimator:
         self._brake = settings.deceleration_limit
         self._slow = settings.standstill_speed
         self._steady = (0.0,) * len(settings.deceleration_limit)
+        self._horizon_ns = round(settings.latency_s * S)
         self._step = 2.0 * settings.encoder_resolution
         self._stale_ns = round(settings.stale_s * S)
 
@@ -111,6 +114,7 @@ class Estimator:
     def _start(self, sample: Accepted) -> Estimate:
         count = len(self._names)
         self._astray, self._interval_s, self._stuck = None, inf, {}
+        self._past.clear()
         usable = len(sample.velocity) == count and all(map(isfinite, sample.velocity))
         if usable:
             return self._keep(sample, sample.velocity, "", 0.0)
@@ -185,12 +189,7 @@ class Estimator:
 
     def _keep(self, sample: Accepted, velocity: Floats, degraded: str, expected_s: float) -> Estimate:
         age = sample.received_ns - sample.stamp_ns
-        last = self._last
-        acceleration = self._steady
-        if last is not None and expected_s > 0.0 and last.velocity != velocity:
-            dt = (sample.stamp_ns - last.stamp_ns) / S
-            pairs = zip(velocity, last.velocity, self._brake, strict=True)
-            acceleration = tuple([_within((now - then) / dt, most) for now, then, most in pairs])
+        acceleration = self._acceleration(sample.stamp_ns, velocity)
         estimate = Estimate(
             sample.stamp_ns,
             sample.received_ns,
@@ -204,6 +203,20 @@ class Estimator:
         )
         self._last = estimate
         return estimate
+
+    def _acceleration(self, stamp_ns: int, velocity: Floats) -> Floats:
+        """Mean over the time that the outlook looks ahead. Over one sample a small step of a command, or the noise of
+        a velocity, would count as many times as there are samples in that time."""
+        past = self._past
+        while len(past) > 1 and stamp_ns - past[1][0] >= self._horizon_ns:
+            past.popleft()
+        acceleration = self._steady
+        if past and past[0][1] != velocity:
+            dt = (stamp_ns - past[0][0]) / S
+            pairs = zip(velocity, past[0][1], self._brake, strict=True)
+            acceleration = tuple([_within((now - then) / dt, most) for now, then, most in pairs])
+        past.append((stamp_ns, velocity))
+        return acceleration
 
     def _difference(self, now: Floats, before: Floats) -> Floats:
         return tuple(map(remainder, map(sub, now, before), self._turns))

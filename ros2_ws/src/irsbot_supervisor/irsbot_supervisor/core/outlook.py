@@ -1,7 +1,7 @@
 """What happens until the robot stands still: the path of braking, and the smallest margins along it, certified.
 
 Until the latency has passed every joint goes on with the acceleration that it has, then it brakes with its own constant
-deceleration. The path is monotonic per joint, so every
+deceleration. Between turns each joint goes one way, so every
 stretch of it lies in a box of joint positions, and the mechanism bounds its margins over a box from below. One box for
 the whole path usually settles the question; where it does not, the path is cut, worst stretch first.
 """
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from heapq import heappop, heappush
+from itertools import pairwise
 from math import inf
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -48,7 +49,7 @@ class Way(NamedTuple):
     joints: Floats  # rad or m, now
     rates: Sequence[float]  # rad/s or m/s, now
     gains: Sequence[float]  # rad/s2 or m/s2, until the brakes act
-    errors: Sequence[float]  # rad or m that a joint may be beside this
+    turns: Sequence[float]  # when joints turn round, s
     travel: Floats  # rad or m, signed, from now until it stands
     reach: Sequence[float]  # rad or m that a joint gets away from where it is
     delay_s: float  # from now until the brakes act
@@ -97,21 +98,21 @@ class Foresight:
     def way(self, at: Posture, velocity: Floats, ahead_s: float, acceleration: Sequence[float]) -> Way:
         """The braking path, if the joints keep their acceleration until the brakes act."""
         delay, error = self._latency + ahead_s, self._error
-        errors, travel, reach, braking_s = [], [], [], 0.0
+        turns, travel, reach, braking_s = [], [], [], 0.0
         for rate, gain, brake in zip(velocity, acceleration, self._brakes, strict=True):
             more = gain * delay
             last = rate + more
-            beside = error
-            if rate * last < 0.0:  # the joint turns round: what it goes forth first lies beside its way
-                beside += 0.5 * rate * rate / abs(gain)
+            farthest = 0.0
+            if rate * last < 0.0:
+                turns.append(-rate / gain)
+                farthest = 0.5 * rate * rate / abs(gain)
             time_s = abs(last) / brake
             path = (rate + 0.5 * more) * delay + 0.5 * last * time_s
-            errors.append(beside)
             travel.append(path)
-            reach.append(abs(path) + beside)
+            reach.append(max(abs(path), farthest) + error)
             if not time_s <= braking_s:
                 braking_s = time_s
-        return Way(at.joints, velocity, acceleration, errors, tuple(travel), reach, delay, delay + braking_s)
+        return Way(at.joints, velocity, acceleration, turns, tuple(travel), reach, delay, delay + braking_s)
 
     def position(self, way: Way, time_s: float) -> Floats:
         """Joint positions on the braking path, `time_s` after the sample."""
@@ -135,7 +136,7 @@ class Foresight:
             return self.position(way, start), self.position(way, end)
 
         def add(start: float, end: float, begin: Posture) -> Posture:
-            floor, middle, after = self._bound(begin, *ends(start, end), way.errors, nothing)
+            floor, middle, after = self._bound(begin, *ends(start, end), nothing)
             heappush(stretches, (_spare(floor, wanted), start, end, floor, begin, middle))
             return after
 
@@ -144,7 +145,9 @@ class Foresight:
             middle = 0.5 * (start + end)
             add(middle, end, add(start, middle, begin))
 
-        add(0.0, way.stop_s, at)
+        begin = at
+        for start, end in pairwise([0.0, *sorted(way.turns), way.stop_s]):  # between turns every joint goes one way
+            begin = add(start, end, begin)
         for _ in range(CUTS):
             if stretches[0][0] >= 0.0:
                 break
@@ -156,7 +159,7 @@ class Foresight:
                 break
             if not (middle.status == SOLVED and _spare(margins_of(middle), stop or wanted) >= 0.0):
                 break  # it is truly so
-            if not any(abs(b - a) > e for a, b, e in zip(*ends(start, end), way.errors, strict=True)):
+            if not max(abs(b - a) for a, b in zip(*ends(start, end), strict=True)) > self._error:
                 break  # what is left is the error of the encoders
             stretches.remove(worst)
             halve(worst)
@@ -168,9 +171,7 @@ class Foresight:
             min([f[3] for f in floors]),
         )
 
-    def _bound(
-        self, begin: Posture, first: Floats, last: Floats, errors: Sequence[float], nothing: Margins
-    ) -> tuple[Margins, Posture, Posture]:
+    def _bound(self, begin: Posture, first: Floats, last: Floats, nothing: Margins) -> tuple[Margins, Posture, Posture]:
         """Bounds of the margins anywhere between two joint positions, `nothing` if there are none; the posture in the
         middle; and one of the same branch for the next stretch. begin: such a posture, the one at `first` if labels
         fail."""
@@ -179,7 +180,7 @@ class Foresight:
             middle = tuple([0.5 * (a + b) for a, b in zip(first, last, strict=True)])
             at = self._mechanism.track(middle, begin)
             if at.status == SOLVED:
-                half = [0.5 * abs(b - a) + error for a, b, error in zip(first, last, errors, strict=True)]
+                half = [0.5 * abs(b - a) + self._error for a, b in zip(first, last, strict=True)]
                 floor = floor_of(self._mechanism.guarantee(at, half, self._slack_m))
             if not self._mechanism.labels_hold:  # both ways lie in the box whose margins are bounded
                 after = self._mechanism.track(last, at) if at.status == SOLVED else at
