@@ -24,6 +24,9 @@ PACES = (1.0, 0.8, 0.63, 0.5, 0.4, 0.32, 0.25, 0.2, 0.16, 0.125, 0.1)
 SEARCHES = 8
 """How finely the end of a shortened motion is found: to 1/256 of the way."""
 
+ROOM = 0.01
+"""1: what the end of a shortened motion keeps above the limits: it has to be bounded while the robot arrives there."""
+
 REST_POINTS = 12
 """Points of the cubics that bring a shortened motion to rest."""
 
@@ -127,15 +130,15 @@ class MotionGate:
 
     def _shortened(self, path: JointPath, violation_s: float, limits: Margins) -> JointPath | None:
         """The longest part of a path, brought to rest, that keeps the limits; None if there is none."""
+        type1, type2, constraint, limb = (limit + ROOM for limit in limits)
+        roomy = type1, type2, constraint, limb
         low, high, best = 0.0, violation_s, None
         for _ in range(SEARCHES):
             end_s = 0.5 * (low + high)
             rest = self._at_rest(path, end_s)
             if (
                 rest is not None
-                and certify(
-                    self._robot, self._settings, rest.times, rest.positions, rest.velocities, limits=limits
-                ).safe
+                and certify(self._robot, self._settings, rest.times, rest.positions, rest.velocities, limits=roomy).safe
             ):
                 low, best = end_s, rest
             else:
