@@ -158,7 +158,7 @@ def test_a_velocity_that_is_none_holds_the_robot(station: Station, wanted: Float
     station.wanted = wanted
     held = [(0.0, 0.0)] * 5  # what was on its way from the gate before may come first
     station.until(lambda: len(station.velocities) >= seen + 5 and station.velocities[-5:] == held, "zeros of the gate")
-    assert station.joints == before
+    assert station.joints == pytest.approx(before, abs=1e-5)  # the last of the way home may still be told
     assert not station.cell.verdicts[-1].latched
 
 
