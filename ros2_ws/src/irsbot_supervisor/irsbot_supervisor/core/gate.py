@@ -69,7 +69,6 @@ class Gate:
     def configure(self, settings: Settings) -> None:
         """New limits; how far a robot has come out of a stop stays known."""
         self._foresight = Foresight(settings, self._mechanism)
-        self._assembly = settings.assembly_mode
         self._speed = settings.velocity_limit
         self._share = settings.recovery_share
         self._lag_s = LAG_BEATS * settings.heartbeat_s

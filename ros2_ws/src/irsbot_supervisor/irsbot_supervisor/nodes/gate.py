@@ -19,12 +19,13 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from irsbot_kinematics import Robot
 from irsbot_msgs_py.records import Level
-from irsbot_msgs_py.stamps import NS_PER_S, nanoseconds, sec_nanosec
+from irsbot_msgs_py.stamps import NS_PER_S, sec_nanosec
 from irsbot_supervisor.core.gate import Gate, View
-from irsbot_supervisor.core.motion import BadTrajectory, Command, JointPath, commanded
+from irsbot_supervisor.core.motion import BadTrajectory, Command, JointPath
 from irsbot_supervisor.core.motion_gate import MotionGate, Situation
 from irsbot_supervisor.core.pipeline import Supervisor
 from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.nodes.commands import command_of
 
 Fail = Callable[[Exception], None]
 
@@ -108,7 +109,7 @@ class CommandGate:
     def _on_trajectory(self, message: JointTrajectory) -> None:
         view = self._supervisor.view
         try:
-            command = self._command(message)
+            command = command_of(message, self._settings.joint_names)
         except BadTrajectory as error:
             self._hold(str(error))
             return
@@ -120,12 +121,6 @@ class CommandGate:
         while not self._work.empty():
             self._work.get()
         self._work.put((command, situation, self._stops))
-
-    def _command(self, message: JointTrajectory) -> Command:
-        times = [nanoseconds(p.time_from_start.sec, p.time_from_start.nanosec) / NS_PER_S for p in message.points]
-        positions = [tuple(point.positions) for point in message.points]
-        velocities = [tuple(point.velocities) for point in message.points]
-        return commanded(self._settings.joint_names, message.joint_names, times, positions, velocities)
 
     def _certify(self) -> None:
         """The thread: one command after another, until there is None."""

@@ -22,8 +22,9 @@ from irsbot_kinematics import KinematicsError
 from irsbot_msgs_py.cdr import CdrError, decode_verdict, encode_joint_state
 from irsbot_msgs_py.records import JointSample, Level
 from irsbot_msgs_py.shell import FAILED, run
-from irsbot_msgs_py.stamps import NS_PER_S, nanoseconds
-from irsbot_supervisor.core.motion import BadTrajectory, Command, commanded
+from irsbot_msgs_py.stamps import NS_PER_S
+from irsbot_supervisor.core.motion import BadTrajectory, Command
+from irsbot_supervisor.nodes.commands import command_of
 from irsbot_supervisor.nodes.pacing import Pacer, RosTime
 from irsbot_supervisor.nodes.simulation_parameters import declare_simulation
 from irsbot_supervisor.sim.errors import BadFault, SimulationError
@@ -128,12 +129,8 @@ class SimulatedJointsNode(Node):
             self._obedience.hear(verdict.level, verdict.speed_scale, now_ns)
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
-        times = [nanoseconds(p.time_from_start.sec, p.time_from_start.nanosec) / NS_PER_S for p in message.points]
-        positions = [tuple(point.positions) for point in message.points]
-        velocities = [tuple(point.velocities) for point in message.points]
-        names = self._simulation.joint_names
         try:
-            self._commands.put(commanded(names, message.joint_names, times, positions, velocities))
+            self._commands.put(command_of(message, self._simulation.joint_names))
         except BadTrajectory as error:
             self.get_logger().warning(f"command refused: {error}")
 
