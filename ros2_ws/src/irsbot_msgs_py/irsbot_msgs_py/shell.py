@@ -6,11 +6,14 @@ A node may have `exit_code` (None while it wants to run on) and `close()` (calle
 from __future__ import annotations
 
 import gc
+import os
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
+
+from irsbot_msgs_py.transport import without_shared_memory
 
 DONE, FAILED, USAGE = 0, 1, 2
 
@@ -42,6 +45,7 @@ def run(
     }
     try:
         try:
+            without_shared_memory(os.environ, rclpy.get_rmw_implementation_identifier())
             rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
         except Exception as error:  # rclpy gives its argument errors no public name
             return _refuse(error)

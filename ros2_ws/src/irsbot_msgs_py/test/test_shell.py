@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 
@@ -46,11 +47,11 @@ sys.exit(run(Shown))
 
 
 @contextmanager
-def shown(wish: str, *args: str) -> Iterator[subprocess.Popen[str]]:
+def shown(wish: str, *args: str, **variables: str) -> Iterator[subprocess.Popen[str]]:
     """A process that prints every tick; killed on the way out if it still lives."""
     process = subprocess.Popen(
         [sys.executable, "-c", PROGRAM, wish, *args],
-        env={**os.environ, "ROS_DOMAIN_ID": str(1 + os.getpid() % 100)},
+        env={**os.environ, "ROS_DOMAIN_ID": str(1 + os.getpid() % 100), **variables},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -107,3 +108,20 @@ def test_a_mistake_of_the_user_is_one_line_and_exit_code_2(wish: str, args: list
         assert process.returncode == 2
         (line,) = (line for line in err.splitlines() if "[rcl]" not in line)  # rcl has its own say before ours
         assert words in line
+
+
+@pytest.mark.parametrize(
+    ("variables", "shared"),
+    [
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}, False),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}, False),
+        ({"FASTDDS_BUILTIN_TRANSPORTS": "DEFAULT"}, True),
+    ],
+    ids=["in the network", "on this machine", "where the user has chosen it"],
+)
+def test_no_memory_is_shared_with_other_processes(variables: dict[str, str], shared: bool):
+    with shown("run", **variables) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "tick 1\n"
+        mapped = Path(f"/proc/{process.pid}/maps").read_text()
+        assert ("/dev/shm/fastrtps_" in mapped) == shared
