@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-from irsbot_msgs_py.transport import without_shared_memory
+from irsbot_msgs_py.transport import choose_transport
 
 DONE, FAILED, USAGE = 0, 1, 2
 
@@ -45,7 +45,7 @@ def run(
     }
     try:
         try:
-            without_shared_memory(os.environ, rclpy.get_rmw_implementation_identifier())
+            choose_transport(os.environ, rclpy.get_rmw_implementation_identifier())
             rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
         except Exception as error:  # rclpy gives its argument errors no public name
             return _refuse(error)

@@ -2,34 +2,41 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
-from irsbot_msgs_py.transport import LOCALHOST, without_shared_memory
+from irsbot_msgs_py.transport import LOCALHOST, NETWORK, choose_transport
 
-FAST = "rmw_fastrtps_cpp"
 ON_THIS_MACHINE = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
 
 
-def after(before: dict[str, str], middleware: str = FAST) -> dict[str, str]:
+def after(before: dict[str, str], middleware: str = "rmw_fastrtps_cpp") -> dict[str, str]:
     environment = dict(before)
-    without_shared_memory(environment, middleware)
+    choose_transport(environment, middleware)
     return environment
 
 
-def test_udp_is_asked_for_by_its_name():
-    assert after({}) == {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
+def test_in_the_network_the_range_is_the_users_and_the_profile_ours():
+    said = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
+    assert after(said) == {**said, "FASTRTPS_DEFAULT_PROFILES_FILE": NETWORK}
+    assert after({}) == {"FASTRTPS_DEFAULT_PROFILES_FILE": NETWORK}
 
 
 def test_on_one_machine_a_profile_stands_in_for_the_range_that_brings_shared_memory():
     said = after(ON_THIS_MACHINE)
-    assert said["ROS_AUTOMATIC_DISCOVERY_RANGE"] == "SYSTEM_DEFAULT"
-    assert said["FASTRTPS_DEFAULT_PROFILES_FILE"] == str(LOCALHOST)
-    assert "127.0.0.1" in LOCALHOST.read_text()
+    assert said == {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT", "FASTRTPS_DEFAULT_PROFILES_FILE": LOCALHOST}
+    assert "127.0.0.1" in Path(LOCALHOST).read_text()
+
+
+def test_what_we_chose_for_a_process_is_no_choice_of_the_user_for_its_children():
+    assert after({**after({}), **ON_THIS_MACHINE}) == after(ON_THIS_MACHINE)
+    assert after(after(ON_THIS_MACHINE)) == after(ON_THIS_MACHINE)
 
 
 def test_peers_that_the_user_names_are_kept():
     said = {**ON_THIS_MACHINE, "ROS_STATIC_PEERS": "10.0.0.1"}
-    assert after(said) == {**said, "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
+    assert after(said) == {**said, "FASTRTPS_DEFAULT_PROFILES_FILE": NETWORK}
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from typing import Any
 
@@ -13,6 +14,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from irsbot_msgs_py.cdr import decode_verdict
 from irsbot_msgs_py.records import Verdict
+from irsbot_msgs_py.transport import choose_transport
 
 LATCHED = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -21,6 +23,7 @@ class Watch:
     """Hears the verdicts of one supervisor. Close it, or use it as a context manager."""
 
     def __init__(self, domain: int, on_verdict: Callable[[Verdict], None]) -> None:
+        choose_transport(os.environ, rclpy.get_rmw_implementation_identifier())
         self._context = Context()
         rclpy.init(context=self._context, domain_id=domain)
         self._node = rclpy.create_node("demo_watch", context=self._context)
