@@ -43,6 +43,10 @@ CASES = tuple(
 )
 
 
+BYSTANDERS = ("recorder", "kinematics")
+"""Nodes without which the robot is supervised as before."""
+
+
 class Gone(NamedTuple):
     """A node that was sent a signal."""
 
@@ -80,13 +84,14 @@ def _case(tally: Tally, folder: Path, name: str, how: signal.Signals) -> tuple[s
         peer.listen()
         peer.until(lambda: [v.level for v in peer.verdicts[-100:]] == [Level.OK] * 100, "a second of work")
         process = suite.processes[name]
+        peer.forget()
         gone = Gone(name, how, time.time_ns(), time.monotonic_ns())
         if how == signal.SIGKILL:
             suite.end(name, how)
         else:
             process.send_signal(how)
         peer.look(WATCHED_S)
-        latched = any(verdict.latched for verdict in peer.verdicts)
+        noticed = _noticed(peer)
         failed = _come_back(tally, peer, process.pid) if how == signal.SIGSTOP else ""
     recording = read_recording(folder / "bag")
     judges: dict[str, Callable[[], tuple[str, str]]] = {
@@ -94,14 +99,22 @@ def _case(tally: Tally, folder: Path, name: str, how: signal.Signals) -> tuple[s
         "simulated_joints": lambda: _told(tally, recording, gone),
     }
     unsafe, fault = judges.get(name, lambda: ("", ""))()
-    if name in ("recorder", "kinematics") and latched:
-        fault = "the robot was stopped"
+    if name in BYSTANDERS:
+        fault = noticed
     return unsafe, failed or fault
+
+
+def _noticed(peer: Peer) -> str:
+    """What a consumer has noticed of it."""
+    stops = [verdict.text for verdict in peer.verdicts if verdict.level >= Level.STOP]
+    if stops:
+        return f"the robot was stopped: {stops[0]}"
+    return f"no verdict for {peer.silence_s:.3f} s" if peer.silence_s > Simulation().verdict_timeout_s else ""
 
 
 def _come_back(tally: Tally, peer: Peer, pid: int) -> str:
     """The node goes on where it stood: the verdict is OK again, without a restart."""
-    peer.verdicts.clear()
+    peer.forget()
     begin = time.monotonic()
     os.kill(pid, signal.SIGCONT)
     try:

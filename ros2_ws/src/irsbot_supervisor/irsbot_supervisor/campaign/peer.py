@@ -5,6 +5,7 @@ Nothing here is a node under test. Needs ROS.
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable
 from typing import Any
@@ -20,6 +21,7 @@ from rclpy.task import Future
 
 from irsbot_msgs_py.cdr import decode_state, decode_verdict
 from irsbot_msgs_py.records import SingularityState, Verdict
+from irsbot_msgs_py.transport import choose_transport
 from irsbot_supervisor.suite import Suite, SuiteError
 
 PATIENCE_S = 60.0
@@ -37,11 +39,13 @@ class Peer:
     """A node on the domain of a suite. Close it, or use it as a context manager."""
 
     def __init__(self, suite: Suite, domain: int) -> None:
+        choose_transport(os.environ, rclpy.get_rmw_implementation_identifier())
         self.suite = suite
         self.context = Context()
         rclpy.init(context=self.context, domain_id=domain)
         self.node = rclpy.create_node("campaign", context=self.context)
         self.verdicts: list[Verdict] = []
+        self._heard_s = self._silence_s = 0.0  # when the last verdict came, and the longest silence before one
         self._executor = EventsExecutor(context=self.context)
         self._executor.add_node(self.node)
         self._silent = rclpy.create_node("campaign_reader", context=self.context)  # served by no executor
@@ -55,6 +59,17 @@ class Peer:
 
     def _hear(self, data: bytes) -> None:
         self.verdicts.append(decode_verdict(data))
+        self._silence_s, self._heard_s = self.silence_s, time.monotonic()
+
+    @property
+    def silence_s(self) -> float:
+        """Longest time without a verdict since `forget`, s."""
+        return max(self._silence_s, time.monotonic() - self._heard_s)
+
+    def forget(self) -> None:
+        """The verdicts that were heard until now, and the silences between them."""
+        self.verdicts.clear()
+        self._heard_s, self._silence_s = time.monotonic(), 0.0
 
     def look(self, seconds: float) -> None:
         """Serve callbacks for so long."""
