@@ -163,6 +163,16 @@ class Mechanism(ABC):
         The bounds are proved, not sampled; they are 0 where nothing can be said. `at` must be SOLVED.
         """
 
+    def guarantee_along(
+        self, at: Posture, half: Sequence[float], beside: Sequence[float], slack_m: float = 0.0
+    ) -> Guarantee:
+        """The same along a course of the joints: at.joints + s half + e, with s in -1..1 and |e_k| <= beside[k].
+
+        As good as the guarantee of a box that holds the course, and better where a mechanism knows more.
+        half: rad or m, signed. beside: rad or m, not negative.
+        """
+        return self.guarantee(at, [abs(h) + b for h, b in zip(half, beside, strict=True)], slack_m)
+
     @abstractmethod
     def clearance(self, at: Posture) -> float:
         """m the platform may move in any direction before the nearest singularity: a lower bound."""

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from irsbot_kinematics import statics
 from irsbot_kinematics.arithmetic import ARRAYS, FLOATS, Arithmetic, Array, N
 from irsbot_kinematics.assemblies import SAMPLED_TURNS, trigonometric_roots
+from irsbot_kinematics.courses import Rod
 from irsbot_kinematics.guarantees import lowered
 from irsbot_kinematics.mechanism import Coordinate, Floats, Legs, Posture, Signs, Status, sign_of
 from irsbot_kinematics.mechanisms.turning_platform import Travel, TurningPlatform
@@ -284,7 +285,16 @@ class CrankPlatform(TurningPlatform):
         drives = [(abs(lever) + half * t) * t + slack_m for lever, t in zip(at.levers, travel, strict=True)]
         return Travel(drives, self.crank * max(travel) + slack_m, self.rod)
 
-    def sine_floors(self, at: Posture, travel: Sequence[float], turn_rad: float, move_m: float) -> Floats:
+    def rods_of(self, at: Posture, half: Sequence[float], beside: Sequence[float], slack_m: float) -> list[Rod]:
+        """The near ends run on the circles of the cranks."""
+        l1, level, rods = self.crank, (0.0,) * (len(at.pose) - 3), []
+        for q, h, b in zip(at.joints, half, beside, strict=True):
+            most = abs(h) + b
+            near = -l1 * h * sin(q), l1 * h * cos(q), *level
+            rods.append(Rod(self.rod, near, l1 * (0.5 * most * most + b) + slack_m))
+        return rods
+
+    def sine_floors(self, at: Posture, travel: Sequence[float], turn_rad: float) -> Floats:
         """The sine is |elevation| of the rod over the upright plane through its crank: both turn by bounded angles."""
         return tuple([lowered(sine, turn_rad + t, 0.0) for sine, t in zip(at.type1, travel, strict=True)])
 

@@ -6,12 +6,14 @@ and UraneSX of [S4] differ in the rails alone. Source: [S4] (3)-(9) with the cor
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from math import asin, inf, isfinite, nan, sin, sqrt
+from math import asin, hypot, inf, isfinite, nan, sin, sqrt
+from operator import add, sub
 from typing import NamedTuple
 
 from irsbot_kinematics.arithmetic import FLOATS, Arithmetic, N
+from irsbot_kinematics.courses import Rod, swept
 from irsbot_kinematics.geometry import require, require_finite, require_size
 from irsbot_kinematics.guarantees import displacement, level_after
 from irsbot_kinematics.mechanism import (
@@ -269,6 +271,24 @@ class DeltaFamily(Mechanism):
         type1 = (self._sine(at.reach[0] - away), self._sine(at.reach[1] - away), self._sine(at.reach[2] - away))
         return Guarantee(type1, type2, nan, type1[: self.limb_count])
 
+    def guarantee_along(
+        self, at: Posture, half: Sequence[float], beside: Sequence[float], slack_m: float = 0.0
+    ) -> Guarantee:
+        """courses.swept; the Type 1 sines from the distances of the platform point from the rails."""
+        rods = [
+            Rod(self.rod, (h * ux, h * uy, h * uz), b + slack_m)
+            for h, b, (_, (ux, uy, uz)) in zip(half, beside, self.rails, strict=True)
+        ]
+        met = swept(at, rods)
+        if met is None:
+            return self._nothing
+        far, type1 = met.aside + slack_m, []
+        for (o, u), sine in zip(self.rails, at.type1, strict=True):
+            here, away = _across(map(sub, at.pose, o), u), _across(met.move, u)
+            ends = hypot(*map(add, here, away)), hypot(*map(sub, here, away))  # a distance is largest at an end
+            type1.append(min(self._sine(self.rod - max(ends) - far), sine))
+        return Guarantee(tuple(type1), met.type2, nan, tuple(type1[: self.limb_count]))
+
     def _sine(self, reach: float) -> float:
         """Sine of a leg whose rail is L - reach away from the platform point; 0 out of reach."""
         return sqrt(reach * (2.0 * self.rod - reach)) / self.rod if reach > 0.0 else 0.0
@@ -298,3 +318,10 @@ class DeltaFamily(Mechanism):
             level_after(c2, b / self.rod, (c + a) * c2 / size),
             level_after(c3, c / self.rod, (a + b) * c3 / size),
         )
+
+
+def _across(way: Iterable[float], u: Vector) -> tuple[float, ...]:
+    """The part of a vector that is normal to a unit vector."""
+    x, y, z = way
+    along = x * u[0] + y * u[1] + z * u[2]
+    return x - along * u[0], y - along * u[1], z - along * u[2]

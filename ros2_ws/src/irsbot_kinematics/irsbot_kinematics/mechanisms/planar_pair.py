@@ -13,6 +13,7 @@ from math import acos, atan2, cos, hypot, inf, isfinite, nan, pi, sin, sqrt, tau
 from typing import NamedTuple
 
 from irsbot_kinematics.arithmetic import FLOATS, Arithmetic, N
+from irsbot_kinematics.guarantees import displacement
 from irsbot_kinematics.mechanism import (
     Coordinate,
     Floats,
@@ -39,6 +40,10 @@ class Loop(NamedTuple):
     drop: float
     crank: float
     rod: float
+
+
+ASIN_BEND = 0.5 * pi - 1.0
+"""1: asin(x) - x <= ASIN_BEND x^3 for 0 <= x <= 1, because (asin(x) - x)/x^3 grows up to there."""
 
 
 class PlanarPair(Mechanism):
@@ -212,10 +217,67 @@ class PlanarPair(Mechanism):
             (),
         )
 
+    def guarantee_along(
+        self, at: Posture, half: Sequence[float], beside: Sequence[float], slack_m: float = 0.0
+    ) -> Guarantee:
+        """As `courses` bounds a course, in closed form. To first order elbows and platform move along straight lines,
+        on which distances are known exactly; `rest` bounds what else each of them does. The constraint is looked at
+        for the rods' turns of first order: between two looks it lies above their mean less what half a turn and the
+        rest take."""
+        b0, e, l1, l2 = self.loop
+        (r1x, r1z), (r2x, r2z) = at.screws
+        q1, q2 = at.joints
+        h1, h2 = half
+        size, parts = abs(at.det), at.parts
+        nothing = Guarantee((0.0, 0.0), 0.0, self.constraint_guarantee(parts, inf), ())
+        if not size > 0.0:
+            return nothing
+        most1, most2 = abs(h1) + beside[0], abs(h2) + beside[1]
+        n1x, n1z, n2x, n2z = -l1 * h1 * sin(q1), -l1 * h1 * cos(q1), -l1 * h2 * sin(q2), -l1 * h2 * cos(q2)
+        rest1 = l1 * (0.5 * most1 * most1 + beside[0]) + slack_m
+        rest2 = l1 * (0.5 * most2 * most2 + beside[1]) + slack_m
+        drive1, drive2 = r1x * n1x + r1z * n1z, r2x * n2x + r2z * n2z
+        dx, dz = (r2z * drive1 - r1z * drive2) / at.det, (r1x * drive2 - r2x * drive1) / at.det
+        turn1, turn2 = (r1x * (dz - n1z) - r1z * (dx - n1x)) / l2, (r2x * (dz - n2z) - r2z * (dx - n2x)) / l2
+        way1, way2 = l2 * abs(turn1) + rest1, l2 * abs(turn2) + rest2
+        rest = displacement(
+            (rest1 + rest2 + 0.5 * (way1 * way1 + way2 * way2) / l2) / size,
+            (way1 + way2) / (l2 * size),
+            1.0 / (l2 * size),
+        )
+        chord1, chord2, full = (way1 + rest) / l2, (way2 + rest) / l2, 2.0 * l2
+        low, high = _span(l2 * (r1x - r2x), l2 * (r1z - r2z), n2x - n1x, n2z - n1z, rest1 + rest2)
+        if not (chord1 < 1.0 and chord2 < 1.0 and low > 0.0 and high < full):
+            return nothing
+        type2 = min(low * sqrt((full - low) * (full + low)), high * sqrt((full - high) * (full + high))) / (full * l2)
+        x, z = at.pose
+        type1 = (
+            self._sine_between(*_span(x + b0, z + e, dx, dz, rest + slack_m)),
+            self._sine_between(*_span(x - b0, z + e, dx, dz, rest + slack_m)),
+        )
+        off = (2.0 * rest + rest1 + rest2) / l2 + ASIN_BEND * (chord1 * chord1 * chord1 + chord2 * chord2 * chord2)
+        constraint = self._constraint_along(at, turn1, turn2, off) if len(parts) > 2 else nan
+        return Guarantee(type1, type2, constraint, ())
+
+    def _constraint_along(self, at: Posture, turn1: float, turn2: float, off: float) -> float:
+        """Constraint while the rods turn by s turn_k, s in -1..1, and by `off` together on top."""
+        (r1x, r1z), (r2x, r2z) = at.screws
+        c1, c2, turn, least = cos(turn1), cos(turn2), 0.5 * (abs(turn1) + abs(turn2)) + off, inf
+        for s1, s2 in ((sin(turn1), sin(turn2)), (-sin(turn1), -sin(turn2))):
+            there = self.constraint_parts(
+                FLOATS, c1 * r1x - s1 * r1z, c1 * r1z + s1 * r1x, c2 * r2x - s2 * r2z, c2 * r2z + s2 * r2x
+            )
+            mean = tuple([0.5 * (a + b) for a, b in zip(at.parts[: len(there)], there, strict=True)])
+            least = min(least, self.constraint_guarantee(mean, turn))
+        return least
+
     def _sine_floor(self, r: float, move: float) -> float:
-        """Smallest |sin(q - psi)| while |A P| stays within `move` of r: S^2 = 1 - ((r^2 - l1^2 - l2^2)/(2 l1 l2))^2."""
+        """Smallest |sin(q - psi)| while |A P| stays within `move` of r."""
+        return self._sine_between(r - move, r + move)
+
+    def _sine_between(self, near: float, far: float) -> float:
+        """Smallest |sin(q - psi)| for |A P| in a range: S^2 = 1 - ((r^2 - l1^2 - l2^2)/(2 l1 l2))^2."""
         middle, span = self._squares
-        near, far = r - move, r + move
         low, high = middle - near * near, far * far - middle
         worst = low if low > high else high
         return sqrt((span - worst) * (span + worst)) / span if near > 0.0 and worst < span else 0.0
@@ -257,6 +319,17 @@ class PlanarPair(Mechanism):
         rod = self.loop.rod
         turn = 2.0 * atan2(sqrt(slack * (2.0 * rod + d)), d) if slack > 0.0 else 0.0
         return min(ball, rod * turn * s1 * s2 / (s1 + s2))  # rod |psi_k'| <= |P'| / |S_k|
+
+
+def _span(x: float, z: float, dx: float, dz: float, rest: float) -> tuple[float, float]:
+    """Smallest and largest distance of (x, z) + s (dx, dz), s in -1..1, from the origin, if it is off by `rest`."""
+    along, square = x * dx + z * dz, dx * dx + dz * dz
+    high = hypot(x + dx, z + dz) if along > 0.0 else hypot(x - dx, z - dz)
+    if abs(along) < square:
+        low = abs(x * dz - z * dx) / sqrt(square)
+    else:
+        low = hypot(x - dx, z - dz) if along > 0.0 else hypot(x + dx, z + dz)
+    return low - rest, high + rest
 
 
 def coincident_elbows(loop: Loop) -> list[tuple[float, float]]:

@@ -13,6 +13,7 @@ from operator import mul
 from typing import NamedTuple
 
 from irsbot_kinematics import statics
+from irsbot_kinematics.courses import Rod, swept
 from irsbot_kinematics.guarantees import displacement_and_turn, level_after, lowered
 from irsbot_kinematics.mechanism import Floats, Guarantee, Mechanism, Posture
 
@@ -50,13 +51,16 @@ class TurningPlatform(Mechanism):
         """What joints that move by at most `travel` ask of the rods."""
 
     @abstractmethod
-    def sine_floors(self, at: Posture, travel: Sequence[float], turn_rad: float, move_m: float) -> Floats:
-        """Lower bounds of the Type 1 sines while no rod turns by more than turn_rad and no rod end moves by more than
-        move_m against its leg's place."""
+    def sine_floors(self, at: Posture, travel: Sequence[float], turn_rad: float) -> Floats:
+        """Lower bounds of the Type 1 sines while no rod turns by more than turn_rad."""
 
     @abstractmethod
     def turn_rate(self, at: Posture) -> tuple[float, float]:
         """A radius, m, and how fast a rod can turn, rad/m, while no rod end has moved farther than that."""
+
+    @abstractmethod
+    def rods_of(self, at: Posture, half: Sequence[float], beside: Sequence[float], slack_m: float) -> list[Rod]:
+        """What a course of the joints does to the rods."""
 
     def constraint_floor(self, at: Posture, turn_rad: float) -> float:
         """Lower bound of the constraint margin while no rod turns by more than turn_rad; NaN: there is none."""
@@ -82,8 +86,20 @@ class TurningPlatform(Mechanism):
         seen = rod_turn + t
         cosine = min(at.cos_pressure)
         type2 = lowered(cosine, seen, self._share(n, cosine, size, seen))
-        type1 = self.sine_floors(at, travel, rod_turn, end + slack_m)
+        type1 = self.sine_floors(at, travel, rod_turn)
         return Guarantee(type1, type2, self.constraint_floor(at, rod_turn), type1[: self.limb_count])
+
+    def guarantee_along(
+        self, at: Posture, half: Sequence[float], beside: Sequence[float], slack_m: float = 0.0
+    ) -> Guarantee:
+        """courses.swept; the Type 1 sines and the constraint from what it says of the rods."""
+        met = swept(at, self.rods_of(at, half, beside, slack_m), self.span)
+        if met is None:
+            return self._nothing(len(at.levers))
+        most = [abs(h) + b for h, b in zip(half, beside, strict=True)]
+        turn = max(met.turns)
+        type1 = self.sine_floors(at, most, turn)
+        return Guarantee(type1, met.type2, self.constraint_floor(at, turn), type1[: self.limb_count])
 
     def box(self, at: Posture, asked: Travel) -> tuple[float, float]:
         """(m, rad) the platform moves and turns at most; infinite where there is no bound."""

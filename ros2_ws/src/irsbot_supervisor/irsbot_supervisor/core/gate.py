@@ -72,6 +72,7 @@ class Gate:
         self._speed = settings.velocity_limit
         self._share = settings.recovery_share
         self._lag_s = LAG_BEATS * settings.heartbeat_s
+        self._gains = tuple([brake * settings.latency_s for brake in settings.deceleration_limit])
         self._keep = _raised(limits_of(settings, "stop"))
         self._error = (position_error(settings),) * len(settings.velocity_limit)
         self._slack_m = settings.geometry_tolerance_m
@@ -128,12 +129,23 @@ class Gate:
             return None
         # Judged as the supervisor will judge it; a way out, whose limits lie where the robot is, needs sharper bounds.
         wanted = limits if view.judgement.level == Level.STOP else None
-        floor = self._foresight.foresee(view.at, rates, view.ahead_s + self._lag_s, wanted).floor
+        seen = tuple(map(self._seen, rates, view.velocity, self._gains))
+        # Joints that brake each by itself leave the way, sooner braking elsewhere than later: both must be safe.
+        later = self._foresight.foresee(view.at, seen, view.ahead_s + self._lag_s, wanted).floor
+        sooner = self._foresight.foresee(view.at, seen, view.ahead_s, wanted).floor
+        floor = tuple(map(min, later, sooner))
         if all(have >= want for have, want in zip(floor, limits, strict=True)):
             return None
         now = margins_of(view.at)  # where nothing can be bounded, the nearest limit speaks
         lack = [(have - want, have_now - want) for have, have_now, want in zip(floor, now, limits, strict=True)]
         return lack.index(min(lack))
+
+    @staticmethod
+    def _seen(rate: float, now: float, gain: float) -> float:
+        """What the supervisor will take a commanded rate for while the joint gets there: joints that speed up count as
+        if they went on doing so for the latency."""
+        more = min(max(rate - now, -gain), gain)
+        return rate + more if more * rate > 0.0 else rate
 
     def _kept(self, view: View, rates: Floats, share: float, limits: Margins) -> Floats:
         """The part of the rates that keeps the limits. All of a new command is tried; else the search begins with what

@@ -1,16 +1,14 @@
 """What happens until the robot stands still: the path of braking, and the smallest margins along it, certified.
 
 Until the latency has passed every joint goes on with the acceleration that it has, then it brakes with its own constant
-deceleration. Between turns each joint goes one way, so every
-stretch of it lies in a box of joint positions, and the mechanism bounds its margins over a box from below. One box for
-the whole path usually settles the question; where it does not, the path is cut, worst stretch first.
+deceleration. The mechanism bounds its margins from below over a box of joint positions and along a course, that is near
+a chord. One box for the whole path usually settles the question; where it does not, the path is cut into courses, the
+worst of them further.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from heapq import heappop, heappush
-from itertools import pairwise
 from math import inf
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -22,17 +20,11 @@ if TYPE_CHECKING:
     from irsbot_supervisor.core.settings import Settings
 
 CUTS = 8
-"""How often the braking path of one sample is cut at most; the bound so far counts when they are used up. Each cut
-costs two postures; 8 keep the longest step below the P4 goal of the benchmark."""
+"""How often the braking path of one sample is cut at most to prove that no warning is due; the bound so far counts when
+they are used up. Each cut costs two postures."""
 
 MORE_CUTS = 24
-"""How often it is cut further before a robot is stopped for a bound alone. The bounds of robots whose platform turns
-left one harmless sample in 30 of random motion without a proof after 8 cuts, none after 24."""
-
-
-Stretch = tuple[float, float, float, Margins, Posture, Posture]
-"""Of the braking path: what the worst margin has above its limit, begin and end (s), smallest margins, postures at the
-begin and in the middle of its box."""
+"""How often it is cut further before a robot is stopped for a bound alone."""
 
 
 class Outlook(NamedTuple):
@@ -46,14 +38,23 @@ class Outlook(NamedTuple):
 class Way(NamedTuple):
     """How the joints go on until they stand."""
 
-    joints: Floats  # rad or m, now
+    at: Posture  # now
     rates: Sequence[float]  # rad/s or m/s, now
     gains: Sequence[float]  # rad/s2 or m/s2, until the brakes act
-    turns: Sequence[float]  # when joints turn round, s
     travel: Floats  # rad or m, signed, from now until it stands
     reach: Sequence[float]  # rad or m that a joint gets away from where it is
     delay_s: float  # from now until the brakes act
     stop_s: float  # from now until the last joint stands
+
+
+class Stretch(NamedTuple):
+    """A part of a way."""
+
+    start_s: float
+    end_s: float
+    floor: Margins  # certified
+    begin: Posture  # of the branch; where labels do not hold the one at its start
+    middle: Posture  # the one in the middle of its chord
 
 
 class Foresight:
@@ -98,13 +99,12 @@ class Foresight:
     def way(self, at: Posture, velocity: Floats, ahead_s: float, acceleration: Sequence[float]) -> Way:
         """The braking path, if the joints keep their acceleration until the brakes act."""
         delay, error = self._latency + ahead_s, self._error
-        turns, travel, reach, braking_s = [], [], [], 0.0
+        travel, reach, braking_s = [], [], 0.0
         for rate, gain, brake in zip(velocity, acceleration, self._brakes, strict=True):
             more = gain * delay
             last = rate + more
             farthest = 0.0
             if rate * last < 0.0:
-                turns.append(-rate / gain)
                 farthest = 0.5 * rate * rate / abs(gain)
             time_s = abs(last) / brake
             path = (rate + 0.5 * more) * delay + 0.5 * last * time_s
@@ -112,79 +112,75 @@ class Foresight:
             reach.append(max(abs(path), farthest) + error)
             if not time_s <= braking_s:
                 braking_s = time_s
-        return Way(at.joints, velocity, acceleration, turns, tuple(travel), reach, delay, delay + braking_s)
+        return Way(at, velocity, acceleration, tuple(travel), reach, delay, delay + braking_s)
 
     def position(self, way: Way, time_s: float) -> Floats:
         """Joint positions on the braking path, `time_s` after the sample."""
         delay = way.delay_s
         before, after = min(time_s, delay), max(time_s - delay, 0.0)
         reached = []
-        for q, rate, gain, brake in zip(way.joints, way.rates, way.gains, self._brakes, strict=True):
+        for q, rate, gain, brake in zip(way.at.joints, way.rates, way.gains, self._brakes, strict=True):
             v = rate + gain * delay
             t = min(after, abs(v) / brake)
             q += (rate + 0.5 * gain * before) * before + v * t
             reached.append(q - (0.5 * brake * t * t if v > 0.0 else -0.5 * brake * t * t))
         return tuple(reached)
 
+    def bend(self, way: Way, start_s: float, end_s: float) -> list[float]:
+        """rad or m that each joint may be away from the chord between two times of a way: an eighth of its acceleration
+        times the square of the time, and the error of its encoder."""
+        eighth, error = 0.125 * (end_s - start_s) * (end_s - start_s), self._error
+        if end_s <= way.delay_s:
+            return [eighth * abs(gain) + error for gain in way.gains]
+        if start_s >= way.delay_s:
+            return [eighth * brake + error for brake in self._brakes]
+        return [eighth * max(abs(gain), brake) + error for gain, brake in zip(way.gains, self._brakes, strict=True)]
+
     def _cut(self, at: Posture, way: Way, wanted: Margins, stop: Margins | None) -> Margins:
-        """Bounds along the path in stretches; the stretch farthest below what is wanted is cut next. stop: limits
-        below which no bound shall fall as long as the margins themselves do not."""
-        stretches: list[Stretch] = []
-        nothing = nothing_of(at)
+        """Bounds along the way in stretches; the one farthest below what is wanted is cut next, as long as the margins
+        in its middle are not. stop: limits for which more is done."""
+        first, second = self._halves(at, way, 0.0, way.delay_s, way.stop_s)
+        stretches = [first, second]
+        for limits, cuts in ((wanted, CUTS), *([(stop, MORE_CUTS)] if stop else [])):
+            for _ in range(cuts):
+                worst = min(stretches, key=lambda stretch: _spare(stretch.floor, limits))
+                if not (_spare(worst.floor, limits) < 0.0 and self._is_worth_cutting(worst, way, limits)):
+                    break
+                stretches.remove(worst)
+                middle_s = 0.5 * (worst.start_s + worst.end_s)
+                stretches += self._halves(worst.begin, way, worst.start_s, middle_s, worst.end_s)
+        type1, type2, constraint, limb = map(min, zip(*[stretch.floor for stretch in stretches], strict=True))
+        return type1, type2, constraint, limb
 
-        def ends(start: float, end: float) -> tuple[Floats, Floats]:
-            return self.position(way, start), self.position(way, end)
+    def _is_worth_cutting(self, stretch: Stretch, way: Way, limits: Margins) -> bool:
+        """Whether shorter courses can prove more: not where the margins are truly low, nor where all that is left is
+        the error of the encoders."""
+        middle = stretch.middle
+        if not (middle.status == SOLVED and _spare(margins_of(middle), limits) >= 0.0):
+            return False
+        ends = self.position(way, stretch.start_s), self.position(way, stretch.end_s)
+        return max(abs(b - a) for a, b in zip(*ends, strict=True)) > self._error
 
-        def add(start: float, end: float, begin: Posture) -> Posture:
-            floor, middle, after = self._bound(begin, *ends(start, end), nothing)
-            heappush(stretches, (_spare(floor, wanted), start, end, floor, begin, middle))
-            return after
+    def _halves(self, begin: Posture, way: Way, start_s: float, cut_s: float, end_s: float) -> tuple[Stretch, Stretch]:
+        """Two stretches of a way. begin: a posture of the same branch; the one at the start if labels do not hold."""
+        first = self._stretch(begin, way, start_s, cut_s)
+        after = first.middle
+        if after.status == SOLVED and not self._mechanism.labels_hold:
+            after = self._mechanism.track(self.position(way, cut_s), after)
+        return first, self._stretch(after, way, cut_s, end_s)
 
-        def halve(stretch: Stretch) -> None:
-            _lack, start, end, _floor, begin, _middle = stretch
-            middle = 0.5 * (start + end)
-            add(middle, end, add(start, middle, begin))
-
-        begin = at
-        for start, end in pairwise([0.0, *sorted(way.turns), way.stop_s]):  # between turns every joint goes one way
-            begin = add(start, end, begin)
-        for _ in range(CUTS):
-            if stretches[0][0] >= 0.0:
-                break
-            halve(heappop(stretches))
-        for _ in range(MORE_CUTS if stop else 0):
-            worst = min(stretches, key=lambda stretch: _spare(stretch[3], stop or wanted))
-            _lack, start, end, floor, _begin, middle = worst
-            if _spare(floor, stop or wanted) >= 0.0:
-                break
-            if not (middle.status == SOLVED and _spare(margins_of(middle), stop or wanted) >= 0.0):
-                break  # it is truly so
-            if not max(abs(b - a) for a, b in zip(*ends(start, end), strict=True)) > self._error:
-                break  # what is left is the error of the encoders
-            stretches.remove(worst)
-            halve(worst)
-        floors = [stretch[3] for stretch in stretches]
-        return (
-            min([f[0] for f in floors]),
-            min([f[1] for f in floors]),
-            min([f[2] for f in floors]),
-            min([f[3] for f in floors]),
-        )
-
-    def _bound(self, begin: Posture, first: Floats, last: Floats, nothing: Margins) -> tuple[Margins, Posture, Posture]:
-        """Bounds of the margins anywhere between two joint positions, `nothing` if there are none; the posture in the
-        middle; and one of the same branch for the next stretch. begin: such a posture, the one at `first` if labels
-        fail."""
-        floor, at, after = nothing, begin, begin
-        if begin.status == SOLVED:
-            middle = tuple([0.5 * (a + b) for a, b in zip(first, last, strict=True)])
-            at = self._mechanism.track(middle, begin)
-            if at.status == SOLVED:
-                half = [0.5 * abs(b - a) + self._error for a, b in zip(first, last, strict=True)]
-                floor = floor_of(self._mechanism.guarantee(at, half, self._slack_m))
-            if not self._mechanism.labels_hold:  # both ways lie in the box whose margins are bounded
-                after = self._mechanism.track(last, at) if at.status == SOLVED else at
-        return floor, at, after
+    def _stretch(self, begin: Posture, way: Way, start_s: float, end_s: float) -> Stretch:
+        """Bounds of the margins anywhere between two times of a way, nothing where there are none."""
+        if begin.status != SOLVED:
+            return Stretch(start_s, end_s, nothing_of(way.at), begin, begin)
+        first, last = self.position(way, start_s), self.position(way, end_s)
+        middle = self._mechanism.track(tuple([0.5 * (a + b) for a, b in zip(first, last, strict=True)]), begin)
+        if middle.status != SOLVED:
+            return Stretch(start_s, end_s, nothing_of(way.at), begin, middle)
+        half = [0.5 * (b - a) for a, b in zip(first, last, strict=True)]
+        bend = self.bend(way, start_s, end_s)
+        floor = floor_of(self._mechanism.guarantee_along(middle, half, bend, self._slack_m))
+        return Stretch(start_s, end_s, floor, begin, middle)
 
 
 def _spare(have: Margins, want: Margins) -> float:
