@@ -167,6 +167,22 @@ def test_a_folded_leg_leaves_the_platform_undetermined():
     assert ROBOT.mechanism.posture((0.1, 0.1, 3.0), 1).status == Status.UNREACHABLE
 
 
+def test_the_limb_margin_is_the_length_of_a_leg_over_that_of_the_stretched_leg():
+    """Measured on the drawing; the only number that tells of a leg about to be folded."""
+    rng = np.random.default_rng(6)
+    for q in random_joints(ROBOT, rng, 40):
+        for at in (ROBOT.mechanism.posture(tuple(q), mode) for mode in (1, -1, 2, -2)):
+            if at.status == Status.SOLVED:
+                lengths = np.linalg.norm(spokes(np.array(at.pose)), axis=1)
+                np.testing.assert_allclose(at.limb, lengths / (2 * LINK), atol=1e-9)
+    turn = 0.7
+    for away in (1e-2, 1e-4, 1e-6):
+        x = (*(RB * CORNERS[1] - RP * rotation(turn) @ CORNERS[1] + [away, 0.0]), turn)  # B_2 beside A_2
+        at = ROBOT.posture(ROBOT.inverse(x), 1)
+        assert at.limb[1] == pytest.approx(away / (2 * LINK), rel=1e-6)
+        assert min(at.type1) > 0.3
+
+
 def test_elbow_angles_a_whole_turn_apart_are_the_same_robot():
     q = ROBOT.inverse((0.1, 0.05, 0.9))
     here, there = ROBOT.posture(q, 1), ROBOT.posture(q + 2 * np.pi * np.array([1, -1, 2]), 1)
@@ -210,6 +226,7 @@ def test_the_guarantee_with_slack_holds_on_machines_whose_legs_are_that_wrong():
             assert (1 / np.hypot(held_x, held_y) >= bound.type2 - 1e-9).all()
             sines = np.abs(np.sin(0.5 * (q + travel * signs)))
             assert (sines >= np.array(bound.type1) - 1e-12).all()
+            assert (rho / (2 * LINK) >= np.array(bound.limb) - 1e-9).all()
     assert promised > 50
 
 

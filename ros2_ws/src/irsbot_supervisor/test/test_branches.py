@@ -71,11 +71,11 @@ def test_the_way_to_standstill_is_foreseen_on_its_own_branch():
     way = followed(robot)[300:361]
     slow = replace(settings, deceleration_limit=tuple(60.0 * np.abs(WAY)), latency_s=0.0)
     rates = tuple((np.sqrt(2.0 * 60.0 * 0.06) * WAY).tolist())
-    outlook = Foresight(slow, robot.mechanism).foresee(way[0], rates, 0.0)
-    assert np.add(way[0].joints, outlook.travel) == pytest.approx(way[-1].joints, abs=1e-9)
+    seer = Foresight(slow, robot.mechanism)
+    assert np.add(way[0].joints, seer.way(way[0], rates, 0.0).travel) == pytest.approx(way[-1].joints, abs=1e-9)
     assert robot.mechanism.posture(way[-1].joints, LABEL).type2 < 0.1
     met = min(at.type2 for at in way)
-    assert 0.5 * met <= outlook.floor[1] <= met
+    assert 0.5 * met <= seer.foresee(way[0], rates, 0.0)[1] <= met
 
 
 def test_an_operator_who_sees_the_platform_on_another_branch_is_refused():

@@ -84,7 +84,7 @@ def blind(monkeypatch: pytest.MonkeyPatch) -> None:
     """The outlook sees the present margins alone."""
 
     def now(self: Any, at: Any, *_rest: Any, **_more: Any) -> Any:
-        return pipeline.Outlook(assess.margins_of(at), (0.0,) * len(at.joints), 0.0)
+        return assess.margins_of(at)
 
     monkeypatch.setattr(pipeline.Foresight, "foresee", now)
 

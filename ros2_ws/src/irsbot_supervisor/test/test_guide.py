@@ -176,11 +176,12 @@ def test_work_far_from_singularities_is_not_even_warned(name, tmp_path):
     assert moved > 0.0
 
 
-def test_who_heeds_the_warning_is_not_stopped(tmp_path):
-    """Both cranks turn the platform outwards at full speed; the joints brake latency_s after the first WARN."""
+@pytest.mark.parametrize("rates", [(-12.0, 12.0), (12.0, -12.0), (-12.0, 0.0)])
+def test_who_heeds_the_warning_is_not_stopped(rates, tmp_path):
+    """Cranks run at a limit at full speed; the joints brake latency_s after the first WARN."""
     settings, robot = read_settings("irsbot2", read_values(written("irsbot2", tmp_path)))
     supervisor = Supervisor(settings, robot)
-    q, v = robot.inverse((0.0, -0.85)), np.array([-12.0, -12.0])
+    q, v = robot.inverse((0.0, -0.85)), np.array(rates)
     levels, braking_at = [], np.inf
     for k in range(200):
         t = k / RATE_HZ

@@ -11,7 +11,6 @@ from irsbot_kinematics import Status
 from irsbot_msgs_py.records import Cause, Finding, Level
 from irsbot_supervisor.core.assess import Assessment, margins_of
 from irsbot_supervisor.core.estimator import Estimate
-from irsbot_supervisor.core.outlook import Outlook
 from irsbot_supervisor.core.policy import KINDS, OBSERVABLE, Policy
 
 LIMITS = {
@@ -33,8 +32,7 @@ def judge(
 ) -> list[Finding]:
     settings = settings_of(**{**LIMITS, **changes})[0] if changes else SETTINGS
     estimate = Estimate(1, 1, 1, AT.joints, velocity, (), degraded, 0.0, (0.0, 0.0))
-    outlook = Outlook(floor, (0.0, 0.0), 0.01) if floor is not None else None
-    return Policy(settings).judge(estimate, Assessment(at, now, branch), outlook, reaction, held)
+    return Policy(settings).judge(estimate, Assessment(at, now, branch), floor, reaction, held)
 
 
 def only(findings: list[Finding]) -> Finding:

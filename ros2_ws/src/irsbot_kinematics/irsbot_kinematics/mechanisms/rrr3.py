@@ -47,11 +47,13 @@ class Rrr3(TurningPlatform):
     """Joints: elbow angles q_i in -pi..pi, 0 stretched, pi folded. Task: x, y of the platform centre, its turn phi.
 
     Working mode: signs of q_i. Assembly mode: its sign is that of det A; 1 with the platform centre inside the circle
-    of Type 2 (|p|^2 < K), 2 outside; K = rb^2 + rp^2 - 2 rb rp cos phi.
+    of Type 2 (|p|^2 < K), 2 outside; K = rb^2 + rp^2 - 2 rb rp cos phi. A folded leg can swing
+    about its base joint while everything else stands, and pushes in no direction: the limb margin is |cos(q_i/2)|.
     """
 
     kind: ClassVar[str] = "rrr3"
     geometry: Rrr3Geometry
+    limb_count = 3
 
     def __init__(self, geometry: Rrr3Geometry) -> None:
         self.geometry = geometry
@@ -135,6 +137,7 @@ class Rrr3(TurningPlatform):
             arms.append((ax, ay))
         legs = Legs(tuple(screws), tuple([l * s for s in sines]), tuple(sines), tuple(reach), tuple(closure))
         legs.arms = tuple(arms)
+        legs.limb = tuple([k.size(k.cos(0.5 * k.wrap(q))) for q in joints])
         return legs
 
     def posture(self, joints: Sequence[float], assembly: int) -> Posture:
@@ -207,7 +210,7 @@ class Rrr3(TurningPlatform):
             ),
             det,
             nan,
-            (),
+            (want1 / far, want2 / far, want3 / far),
             residual,
             ((a1x, a1y), (a2x, a2y), (a3x, a3y)),
             (hypot(v1x, v1y), hypot(v2x, v2y), hypot(v3x, v3y), abs(w1), abs(w2), abs(w3)),
@@ -255,6 +258,11 @@ class Rrr3(TurningPlatform):
         s1, s2, s3 = at.sines
         t1, t2, t3 = travel
         return _sine_floor(s1, t1), _sine_floor(s2, t2), _sine_floor(s3, t3)
+
+    def limb_floors(self, at: Posture, travel: Sequence[float], slack_m: float, type1: Floats) -> Floats:
+        """|cos(q_i/2)| falls no faster than |sin(q_i/2)| would from the same value."""
+        less = 0.5 * slack_m / self.geometry.l
+        return tuple([max(_sine_floor(c, t) - less, 0.0) for c, t in zip(at.limb, travel, strict=True)])
 
     def turn_rate(self, at: Posture) -> tuple[float, float]:
         """A rod that keeps half its length turns by at most asin(move/rho_i) <= CHORD move/rho_i."""

@@ -62,6 +62,11 @@ class TurningPlatform(Mechanism):
     def rods_of(self, at: Posture, half: Sequence[float], beside: Sequence[float], slack_m: float) -> list[Rod]:
         """What a course of the joints does to the rods."""
 
+    def limb_floors(self, at: Posture, travel: Sequence[float], slack_m: float, type1: Floats) -> Floats:
+        """Lower bounds of the limb margins where those of the Type 1 sines are type1: the same, as far as there are
+        limbs with a margin of their own."""
+        return type1[: self.limb_count]
+
     def constraint_floor(self, at: Posture, turn_rad: float) -> float:
         """Lower bound of the constraint margin while no rod turns by more than turn_rad; NaN: there is none."""
         return nan
@@ -87,7 +92,8 @@ class TurningPlatform(Mechanism):
         cosine = min(at.cos_pressure)
         type2 = lowered(cosine, seen, self._share(n, cosine, size, seen))
         type1 = self.sine_floors(at, travel, rod_turn)
-        return Guarantee(type1, type2, self.constraint_floor(at, rod_turn), type1[: self.limb_count])
+        limb = self.limb_floors(at, travel, slack_m, type1)
+        return Guarantee(type1, type2, self.constraint_floor(at, rod_turn), limb)
 
     def guarantee_along(
         self, at: Posture, half: Sequence[float], beside: Sequence[float], slack_m: float = 0.0
@@ -99,7 +105,7 @@ class TurningPlatform(Mechanism):
         most = [abs(h) + b for h, b in zip(half, beside, strict=True)]
         turn = max(met.turns)
         type1 = self.sine_floors(at, most, turn)
-        return Guarantee(type1, met.type2, self.constraint_floor(at, turn), type1[: self.limb_count])
+        return Guarantee(type1, met.type2, self.constraint_floor(at, turn), self.limb_floors(at, most, slack_m, type1))
 
     def box(self, at: Posture, asked: Travel) -> tuple[float, float]:
         """(m, rad) the platform moves and turns at most; infinite where there is no bound."""

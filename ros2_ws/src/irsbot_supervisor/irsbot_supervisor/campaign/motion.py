@@ -7,9 +7,18 @@ from itertools import count
 
 import numpy as np
 
-from irsbot_kinematics import Robot
+from irsbot_kinematics import Posture, Robot
 from irsbot_kinematics.mechanism import Floats
-from irsbot_supervisor.campaign.truth import ENOUGH, HEADROOM, Array, good_postures, joint_ranges, limits, margins_along
+from irsbot_supervisor.campaign.truth import (
+    ENOUGH,
+    HEADROOM,
+    Array,
+    followed,
+    good_postures,
+    joint_ranges,
+    limits,
+    margins_along,
+)
 from irsbot_supervisor.core.motion import JointLimits, JointPath
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.sim.scenario_file import read_scenario, scenario_robots
@@ -54,16 +63,18 @@ def swings(robot: Robot, settings: Settings, rng: np.random.Generator) -> Motion
     the joints would brake, each by itself, from anywhere on them."""
     low, high = joint_ranges(robot)
     here = good_postures(robot, settings, 1, rng)[0]
+    at = robot.mechanism.posture(tuple(here.tolist()), settings.assembly_mode)
     while True:
         reach = (high - low) * SHORTEST ** rng.uniform(0.0, 1.0)
         there = np.clip(here + rng.uniform(-1.0, 1.0, len(here)) * reach, low, high)
         motion = swing(tuple(here.tolist()), tuple(there.tolist()), _limits(settings))
-        if not _is_clean(motion, robot, settings):
+        if not _is_clean(motion, robot, settings, at):
             continue
         for t in np.arange(0.0, motion.duration_s + REST_S, PERIOD_S):
             point = motion.at(float(t))
             yield point.position, point.velocity
         here = there
+        (at,) = followed(robot, there[None], at)  # whose label may be another one than at the start
 
 
 def braking(position: Array, velocity: Array, gain: Array, settings: Settings, number: int) -> Array:
@@ -77,7 +88,7 @@ def braking(position: Array, velocity: Array, gain: Array, settings: Settings, n
     return np.asarray(position + way)
 
 
-def _is_clean(motion: JointPath, robot: Robot, settings: Settings) -> bool:
+def _is_clean(motion: JointPath, robot: Robot, settings: Settings, begin: Posture) -> bool:
     """Whether the margins are good wherever the joints would get: as they go, if their acceleration lasts, if they do
     not slow down as they are about to."""
     enough = np.minimum(HEADROOM * limits(settings, "warn"), ENOUGH)
@@ -87,7 +98,7 @@ def _is_clean(motion: JointPath, robot: Robot, settings: Settings) -> bool:
         for kept in (gain, np.where(velocity * gain < 0.0, 0.0, gain), np.zeros(len(gain))):
             out = braking(position, velocity, kept, settings, BRAKING)
             rows += [out, out[::-1]]  # and back, so that a branch can be followed through all of it
-    return bool((margins_along(robot, settings, np.concatenate(rows)) >= enough).all())
+    return bool((margins_along(robot, settings, np.concatenate(rows), begin) >= enough).all())
 
 
 def measured(position: Floats, settings: Settings) -> Floats:

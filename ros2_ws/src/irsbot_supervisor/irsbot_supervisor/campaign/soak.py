@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import time
+from collections import Counter
 from collections.abc import Mapping
+from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -39,7 +42,8 @@ class Use(NamedTuple):
     """What a node holds at one moment."""
 
     resident_mb: float
-    descriptors: int
+    descriptors: Counter[str]
+    """What the open descriptors refer to: files, sockets, pipes."""
 
 
 def run(job: Job) -> Row:
@@ -85,8 +89,16 @@ def _work(seconds: int, tally: Tally, folder: Path) -> Mapping[str, list[Use]]:
             tally.case(failed="the robot was stopped, and no longer at work" if latched else "")
             peer.verdicts.clear()
             for name, process in processes.items():
-                uses[name].append(Use(process.memory_info().rss * 1e-6, process.num_fds()))
+                uses[name].append(Use(process.memory_info().rss * 1e-6, _descriptors(process.pid)))
         return uses
+
+
+def _descriptors(pid: int) -> Counter[str]:
+    found: Counter[str] = Counter()
+    for descriptor in Path(f"/proc/{pid}/fd").iterdir():
+        with suppress(FileNotFoundError):  # closed since it was listed
+            found[os.readlink(descriptor)] += 1
+    return found
 
 
 def _judge(tally: Tally, name: str, series: list[Use]) -> str:
@@ -95,15 +107,22 @@ def _judge(tally: Tally, name: str, series: list[Use]) -> str:
     tenth = max(len(memory) // 10, 1)
     start, end = float(np.median(memory[:tenth])), float(np.median(memory[-tenth:]))
     slope = float(np.polyfit(np.arange(len(memory)), memory, 1)[0]) * 3600.0 if len(memory) > 1 else 0.0
-    first, last = (int(np.median([use.descriptors for use in part])) for part in (series[:tenth], series[-tenth:]))
+    first, last = (_usual(series[:tenth]), _usual(series[-tenth:]))
     tally.figures |= {
         f"{name} at the start [MB]": start,
         f"{name} at the end [MB]": end,
         f"{name} slope [MB/h]": slope,
-        f"{name} descriptors at the start": first,
-        f"{name} descriptors at the end": last,
+        f"{name} descriptors at the start": first.total(),
+        f"{name} descriptors at the end": last.total(),
     }
     allowed = GROWTH_MB + (INDEX_MB_PER_S * len(series) if name == "recorder" else 0.0)
     if not end - start <= allowed:
         return f"{name} grew from {start:.1f} to {end:.1f} MB"
-    return f"{name} holds {last} descriptors, {first} at the start" if last > first else ""
+    if last.total() > first.total():
+        return f"{name} holds {last.total()} descriptors, {first.total()} at the start; new: {', '.join(last - first)}"
+    return ""
+
+
+def _usual(series: list[Use]) -> Counter[str]:
+    """The descriptors of the moment with the median number of them."""
+    return sorted((use.descriptors for use in series), key=Counter.total)[len(series) // 2]

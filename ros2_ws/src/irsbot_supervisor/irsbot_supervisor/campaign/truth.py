@@ -5,6 +5,7 @@ Nothing here passes through the supervisor's core; only the limits are read from
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import lru_cache
 from math import inf, isfinite, pi
 
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import irsbot_kinematics as irs
-from irsbot_kinematics import Evaluations, Robot, Status
+from irsbot_kinematics import Evaluations, Posture, Robot, Status
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.settings_file import robot_of, shipped_values
 
@@ -72,26 +73,32 @@ def _margins(found: Evaluations) -> Array:
     return np.where((found.status == Status.SOLVED)[:, None], columns, 0.0)
 
 
-def margins_along(robot: Robot, settings: Settings, way: Array) -> Array:
+def margins_along(robot: Robot, settings: Settings, way: Array, begin: Posture | None = None) -> Array:
     """(N, 4) the same along a way (N, n) that begins in the configured branch: 0 from where it is no longer assembled
-    on. Where labels do not tell the branch it is followed, in steps as small as `NEAR`."""
-    mechanism = robot.mechanism
-    if mechanism.labels_hold:
+    on. Where labels do not tell the branch it is followed, from `begin` on if that is given."""
+    if robot.mechanism.labels_hold:
         return margins(robot, settings, way)
+    begin = begin or robot.mechanism.posture(tuple(way[0].tolist()), settings.assembly_mode)
     found = np.zeros((len(way), len(MARGINS)))
-    lever = np.array([1.0 if joint.is_angle else mechanism.length_m for joint in mechanism.joints])
-    at = mechanism.posture(tuple(way[0].tolist()), settings.assembly_mode)
-    for k, row in enumerate(way):
-        before = np.array(at.joints)
-        steps = max(int(np.ceil(np.abs((row - before) / lever).max() / NEAR)), 1)
-        for step in range(1, steps + 1):
-            if at.status == Status.SOLVED:
-                at = mechanism.track(tuple((before + (row - before) * step / steps).tolist()), at)
+    for k, at in enumerate(followed(robot, way, begin)):
         if at.status != Status.SOLVED:
             break
         constraint = at.constraint if at.constraint == at.constraint else inf
         found[k] = min(at.type1), at.type2, constraint, min(at.limb, default=inf)
     return found
+
+
+def followed(robot: Robot, way: Array, begin: Posture) -> Iterator[Posture]:
+    """The postures of a way on the branch of `begin`, followed in steps as small as `NEAR`."""
+    mechanism, at = robot.mechanism, begin
+    lever = np.array([1.0 if joint.is_angle else mechanism.length_m for joint in mechanism.joints])
+    for row in way:
+        before = np.array(at.joints)
+        steps = max(int(np.ceil(np.abs((row - before) / lever).max() / NEAR)), 1)
+        for step in range(1, steps + 1):
+            if at.status == Status.SOLVED:
+                at = mechanism.track(tuple((before + (row - before) * step / steps).tolist()), at)
+        yield at
 
 
 def good_postures(robot: Robot, settings: Settings, number: int, rng: np.random.Generator) -> Array:

@@ -131,8 +131,8 @@ class Gate:
         wanted = limits if view.judgement.level == Level.STOP else None
         seen = tuple(map(self._seen, rates, view.velocity, self._gains))
         # Joints that brake each by itself leave the way, sooner braking elsewhere than later: both must be safe.
-        later = self._foresight.foresee(view.at, seen, view.ahead_s + self._lag_s, wanted).floor
-        sooner = self._foresight.foresee(view.at, seen, view.ahead_s, wanted).floor
+        later = self._foresight.foresee(view.at, seen, view.ahead_s + self._lag_s, wanted)
+        sooner = self._foresight.foresee(view.at, seen, view.ahead_s, wanted)
         floor = tuple(map(min, later, sooner))
         if all(have >= want for have, want in zip(floor, limits, strict=True)):
             return None

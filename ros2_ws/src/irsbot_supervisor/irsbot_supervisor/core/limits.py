@@ -54,7 +54,7 @@ def alone(joint: int, joints: int) -> list[Floats]:
 def _said(settings: Settings, mechanism: Mechanism, joint: int, found: Room) -> str:
     name, unit = settings.joint_names[joint], mechanism.joints[joint].unit
     speed, brake = settings.velocity_limit[joint], settings.deceleration_limit[joint]
-    needs = abs(Foresight(settings, mechanism).foresee(found.at, settings.velocity_limit, 0.0).travel[joint])
+    needs = abs(Foresight(settings, mechanism).way(found.at, settings.velocity_limit, 0.0).travel[joint])
     kind, margin, stop = KINDS[found.kind], margins_of(found.at)[found.kind], limits_of(settings, "stop")[found.kind]
     if found.share == 0.0:
         errors = f"encoder_resolution {settings.encoder_resolution!r}, encoder_offset {settings.encoder_offset!r}"

@@ -123,7 +123,7 @@ class MotionGate:
                 at = self._robot.mechanism.track(point.position, at)
             if at.status != SOLVED:
                 return False
-            floor = self._foresight.foresee(at, point.velocity, self._lag_s, limits).floor
+            floor = self._foresight.foresee(at, point.velocity, self._lag_s, limits)
             if not all(have >= want for have, want in zip(floor, limits, strict=True)):
                 return False
         return True

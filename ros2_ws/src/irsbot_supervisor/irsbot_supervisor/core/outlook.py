@@ -8,7 +8,6 @@ worst of them further.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from math import inf
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -27,22 +26,13 @@ MORE_CUTS = 24
 """How often it is cut further before a robot is stopped for a bound alone."""
 
 
-class Outlook(NamedTuple):
-    """From now to standstill."""
-
-    floor: Margins  # certified smallest margins on the braking path, encoder and geometry errors included
-    travel: Floats  # rad or m each joint needs to stop, signed
-    stop_s: float  # s until the last joint stands
-
-
 class Way(NamedTuple):
     """How the joints go on until they stand."""
 
     at: Posture  # now
-    rates: Sequence[float]  # rad/s or m/s, now
-    gains: Sequence[float]  # rad/s2 or m/s2, until the brakes act
+    rates: Floats  # rad/s or m/s, now
+    gains: Floats  # rad/s2 or m/s2, until the brakes act
     travel: Floats  # rad or m, signed, from now until it stands
-    reach: Sequence[float]  # rad or m that a joint gets away from where it is
     delay_s: float  # from now until the brakes act
     stop_s: float  # from now until the last joint stands
 
@@ -72,47 +62,49 @@ class Foresight:
 
     def foresee(
         self, at: Posture, velocity: Floats, ahead_s: float, wanted: Margins | None = None, acceleration: Floats = ()
-    ) -> Outlook:
-        """Certified margins until standstill from a solved posture, if the joints go on as they are for `ahead_s` and
-        the latency, then brake. NaN rates give floors of 0. wanted: bounds that high are good enough, lower ones are
-        made sharper. If left out the warning limits, and more is done before a bound falls below a stop limit.
-        acceleration: rad/s2 or m/s2 with which the joints go on; none if left out."""
-        way = self.way(at, velocity, ahead_s, acceleration or self._steady)
-        travel, reach, slowing = way.travel, way.reach, False
-        if acceleration and (slowing := any(v * a < 0.0 for v, a in zip(velocity, acceleration, strict=True))):
-            # Nobody knows whether slowing down lasts: both ways count.
-            steady = [0.0 if v * a < 0.0 else a for v, a in zip(velocity, acceleration, strict=True)]
-            other = self.way(at, velocity, ahead_s, steady)
-            reach = list(map(max, reach, other.reach))
-        if not way.stop_s < inf:
-            return Outlook(nothing_of(at), travel, inf)
-        whole = self._mechanism.guarantee(at, reach, self._slack_m)
-        floor = floor_of(whole)
+    ) -> Margins:
+        """Certified smallest margins until standstill from a solved posture, if the joints go on as they are for
+        `ahead_s` and the latency, then brake; errors of encoders and geometry included. NaN rates give 0. wanted: bounds
+        that high are good enough, lower ones are made sharper. If left out the warning limits, and more is done before
+        a bound falls below a stop limit. acceleration: rad/s2 or m/s2 with which the joints go on; none if left out."""
+        reach = self.reach(velocity, acceleration or self._steady, self._latency + ahead_s)
+        floor = floor_of(self._mechanism.guarantee(at, reach, self._slack_m))
         stop, wanted = self._stop if wanted is None else None, wanted or self._wanted
-        if not (floor[0] >= wanted[0] and floor[1] >= wanted[1] and floor[2] >= wanted[2] and floor[3] >= wanted[3]):
-            floor = self._cut(at, way, wanted, stop)
-            if slowing:
-                type1, type2, constraint, limb = map(min, floor, self._cut(at, other, wanted, stop))
-                floor = type1, type2, constraint, limb
-        return Outlook(floor, travel, way.stop_s)
+        if floor[0] >= wanted[0] and floor[1] >= wanted[1] and floor[2] >= wanted[2] and floor[3] >= wanted[3]:
+            return floor
+        floor = self._cut(self.way(at, velocity, ahead_s, acceleration), wanted, stop)
+        if acceleration and any(v * a < 0.0 for v, a in zip(velocity, acceleration, strict=True)):
+            # Nobody knows whether slowing down lasts: both ways count.
+            steady = tuple([0.0 if v * a < 0.0 else a for v, a in zip(velocity, acceleration, strict=True)])
+            other = self._cut(self.way(at, velocity, ahead_s, steady), wanted, stop)
+            type1, type2, constraint, limb = map(min, floor, other)
+            floor = type1, type2, constraint, limb
+        return floor
 
-    def way(self, at: Posture, velocity: Floats, ahead_s: float, acceleration: Sequence[float]) -> Way:
+    def reach(self, velocity: Floats, acceleration: Floats, delay_s: float) -> list[float]:
+        """rad or m that each joint gets away at most, whatever part of slowing down lasts. A joint that turns round
+        ends up faster than it is now only by what is left when its speed has been taken away twice."""
+        reach, error = [], self._error
+        for rate, gain, brake in zip(velocity, acceleration, self._brakes, strict=True):
+            speed, more = abs(rate), abs(gain) * delay_s
+            if rate * gain < 0.0:
+                more = max(more - 2.0 * speed, 0.0)
+            last = speed + more
+            reach.append((speed + 0.5 * more) * delay_s + 0.5 * last * last / brake + error)
+        return reach
+
+    def way(self, at: Posture, velocity: Floats, ahead_s: float, acceleration: Floats = ()) -> Way:
         """The braking path, if the joints keep their acceleration until the brakes act."""
-        delay, error = self._latency + ahead_s, self._error
-        travel, reach, braking_s = [], [], 0.0
+        acceleration = acceleration or self._steady
+        delay, travel, braking_s = self._latency + ahead_s, [], 0.0
         for rate, gain, brake in zip(velocity, acceleration, self._brakes, strict=True):
             more = gain * delay
             last = rate + more
-            farthest = 0.0
-            if rate * last < 0.0:
-                farthest = 0.5 * rate * rate / abs(gain)
             time_s = abs(last) / brake
-            path = (rate + 0.5 * more) * delay + 0.5 * last * time_s
-            travel.append(path)
-            reach.append(max(abs(path), farthest) + error)
+            travel.append((rate + 0.5 * more) * delay + 0.5 * last * time_s)
             if not time_s <= braking_s:
                 braking_s = time_s
-        return Way(at, velocity, acceleration, tuple(travel), reach, delay, delay + braking_s)
+        return Way(at, velocity, acceleration, tuple(travel), delay, delay + braking_s)
 
     def position(self, way: Way, time_s: float) -> Floats:
         """Joint positions on the braking path, `time_s` after the sample."""
@@ -136,11 +128,12 @@ class Foresight:
             return [eighth * brake + error for brake in self._brakes]
         return [eighth * max(abs(gain), brake) + error for gain, brake in zip(way.gains, self._brakes, strict=True)]
 
-    def _cut(self, at: Posture, way: Way, wanted: Margins, stop: Margins | None) -> Margins:
+    def _cut(self, way: Way, wanted: Margins, stop: Margins | None) -> Margins:
         """Bounds along the way in stretches; the one farthest below what is wanted is cut next, as long as the margins
         in its middle are not. stop: limits for which more is done."""
-        first, second = self._halves(at, way, 0.0, way.delay_s, way.stop_s)
-        stretches = [first, second]
+        if not way.stop_s < inf:
+            return nothing_of(way.at)
+        stretches = [*self._halves(way.at, way, 0.0, way.delay_s, way.stop_s)]
         for limits, cuts in ((wanted, CUTS), *([(stop, MORE_CUTS)] if stop else [])):
             for _ in range(cuts):
                 worst = min(stretches, key=lambda stretch: _spare(stretch.floor, limits))

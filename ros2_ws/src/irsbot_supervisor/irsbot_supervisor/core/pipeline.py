@@ -24,12 +24,12 @@ from irsbot_msgs_py.records import (
     Tick,
     Verdict,
 )
-from irsbot_supervisor.core.assess import SOLVED, Assessment, Assessor, slopes
+from irsbot_supervisor.core.assess import SOLVED, Assessment, Assessor, Margins, slopes
 from irsbot_supervisor.core.estimator import Estimate, Estimator
 from irsbot_supervisor.core.gate import View
 from irsbot_supervisor.core.intake import Intake, Rejected, S
 from irsbot_supervisor.core.latch import Judgement, Latch
-from irsbot_supervisor.core.outlook import Foresight, Outlook
+from irsbot_supervisor.core.outlook import Foresight
 from irsbot_supervisor.core.policy import KINDS, Policy
 from irsbot_supervisor.core.report import Reporter
 from irsbot_supervisor.core.settings import InvalidSettings, Settings, settings_from
@@ -168,15 +168,15 @@ class Supervisor:
             self._hold(sample.seen_ns)
             return self._reporter.unsolved(estimate, self._samples, _causes(self._found))
         self._good, self._at, self._stale, self._silence = estimate, at, False, []
-        outlook = self._foresee(assessment, estimate)
+        floor = self._foresee(assessment, estimate)
         reaction = self._reporter.reaction(estimate, assessment)
-        found = self._found = self._policy.judge(estimate, assessment, outlook, reaction, self._latch.now.causes)
+        found = self._found = self._policy.judge(estimate, assessment, floor, reaction, self._latch.now.causes)
         escape: Floats = ()
         if found and not self._latch.latched and any(finding.level == Level.STOP for finding in found):
             escape = self._escape(assessment, found)
         self._latch.update(found, sample.seen_ns, escape)
         level = max([finding.level for finding in found]) if found else Level.OK
-        return self._reporter.solved(estimate, assessment, outlook, reaction, self._samples, level, _causes(found))
+        return self._reporter.solved(estimate, assessment, floor, reaction, self._samples, level, _causes(found))
 
     def _rejected(self, sample: JointSample, why: Rejected) -> SingularityState:
         self.rejections[why.cause] = self.rejections.get(why.cause, 0) + 1
@@ -195,8 +195,8 @@ class Supervisor:
             return doubt
         # The operator has looked: what only a look can tell is told. What can be seen, as a wrong mode, is seen again.
         assessment = self._assessor.confirmed(good.position)
-        outlook = self._foresee(assessment, good)
-        active = self._policy.judge(good, assessment, outlook, self._reporter.reaction(good, assessment), 0)
+        floor = self._foresee(assessment, good)
+        active = self._policy.judge(good, assessment, floor, self._reporter.reaction(good, assessment), 0)
         refusal = self._latch.reset(reset.event, reset.seen_ns, self.standing, active)
         if not refusal:
             self._assessor.confirm()
@@ -218,7 +218,7 @@ class Supervisor:
             return ""
         return f"the seed pose is nearest to assembly mode {seen:+d}, the settings say {configured:+d}"
 
-    def _foresee(self, assessment: Assessment, estimate: Estimate) -> Outlook | None:
+    def _foresee(self, assessment: Assessment, estimate: Estimate) -> Margins | None:
         """None where there is nothing to start from."""
         if assessment.at.status != SOLVED or not isfinite(sum(estimate.velocity)):
             return None

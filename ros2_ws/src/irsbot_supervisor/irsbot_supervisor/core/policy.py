@@ -9,7 +9,7 @@ from operator import le
 from irsbot_msgs_py.records import Cause, Finding, Floats, Level
 from irsbot_supervisor.core.assess import SOLVED, Assessment, Margins
 from irsbot_supervisor.core.estimator import Estimate
-from irsbot_supervisor.core.outlook import Outlook, limits_of
+from irsbot_supervisor.core.outlook import limits_of
 from irsbot_supervisor.core.settings import Settings
 
 KINDS = (Cause.TYPE1, Cause.TYPE2, Cause.CONSTRAINT, Cause.LIMB)
@@ -43,16 +43,16 @@ class Policy:
         self._reaction_limit = settings.reaction_limit_n
 
     def judge(
-        self, estimate: Estimate, assessment: Assessment, outlook: Outlook | None, reaction: Floats, held: int
+        self, estimate: Estimate, assessment: Assessment, floor: Margins | None, reaction: Floats, held: int
     ) -> list[Finding]:
-        """Everything about one good sample that is not OK. `held`: sum of the causes that were found just before."""
+        """Everything about one good sample that is not OK. floor: the margins until standstill, None where nobody knows. `held`: sum of the causes that were found just before."""
         if assessment.at.status != SOLVED:
             return [self._not_assembled(assessment), *self._branch(assessment)]
         findings = self._branch(assessment) if assessment.branch_fault else []
-        if outlook is None:
+        if floor is None:
             findings.append(_finding(Cause.DEGRADED, Level.UNKNOWN, estimate.degraded))
             return findings
-        floor, warn = outlook.floor, self._warn
+        warn = self._warn
         if not (floor[0] >= warn[0] and floor[1] >= warn[1] and floor[2] >= warn[2] and floor[3] >= warn[3]):
             findings += self._margins(assessment.margins, floor)
         elif held & ANY_MARGIN:

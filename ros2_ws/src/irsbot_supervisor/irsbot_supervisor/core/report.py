@@ -11,7 +11,7 @@ from irsbot_msgs_py.records import Floats, JointSample, Level, SingularityState,
 from irsbot_supervisor.core.assess import Assessment, Margins
 from irsbot_supervisor.core.estimator import Estimate
 from irsbot_supervisor.core.intake import S
-from irsbot_supervisor.core.outlook import Outlook, limits_of, position_error
+from irsbot_supervisor.core.outlook import limits_of, position_error
 from irsbot_supervisor.core.policy import KINDS, OBSERVABLE
 from irsbot_supervisor.core.settings import Settings
 
@@ -57,7 +57,7 @@ class Reporter:
         self,
         estimate: Estimate,
         assessment: Assessment,
-        outlook: Outlook | None,
+        floor: Margins | None,
         reaction: Floats,
         sequence: int,
         level: Level,
@@ -65,7 +65,7 @@ class Reporter:
     ) -> SingularityState:
         """The state of a solved posture."""
         at, now = assessment.at, assessment.margins
-        floor, stop = (outlook.floor if outlook else _NOTHING), self._stop
+        floor, stop = floor or _NOTHING, self._stop
         spares = tuple(map(sub, floor, stop))
         spare = min(spares)
         kind = spares.index(spare)  # the margin that governs; the first if nothing is known

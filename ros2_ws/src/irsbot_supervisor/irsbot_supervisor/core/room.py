@@ -124,7 +124,7 @@ def room(
         """The margin that ends a motion of this share, -1 for none."""
         for pattern in patterns:
             rates = tuple([share * p * v for p, v in zip(pattern, settings.velocity_limit, strict=True)])
-            spare = [have - want for have, want in zip(seer.foresee(at, rates, ahead_s, stop).floor, stop, strict=True)]
+            spare = [have - want for have, want in zip(seer.foresee(at, rates, ahead_s, stop), stop, strict=True)]
             if not min(spare) >= 0.0:
                 return spare.index(min(spare))
         return -1
@@ -149,7 +149,7 @@ def room(
     if best is None:
         raise ValueError("room needs a posture to start from")
     fastest = tuple([low * max(abs(p[k]) for p in patterns) * v for k, v in enumerate(settings.velocity_limit)])
-    return Room(best, low, seer.foresee(best, fastest, ahead_s, stop).travel, kind)
+    return Room(best, low, seer.way(best, fastest, ahead_s).travel, kind)
 
 
 def margins_of_many(found: Evaluations) -> Array:
