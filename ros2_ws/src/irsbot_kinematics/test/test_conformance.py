@@ -123,6 +123,20 @@ class Optimistic(Orthoglide):
         return bound._replace(type2=min(at.type2, 1.2 * bound.type2))
 
 
+class OptimisticAlong(Orthoglide):
+    """Believes that the joints never leave the straight course."""
+
+    def guarantee_along(self, at, half, beside, slack_m=0.0):
+        return super().guarantee_along(at, half, (0.0, 0.0, 0.0), slack_m)
+
+
+class PromisesUnknownCourses(Orthoglide):
+    def guarantee_along(self, at, half, beside, slack_m=0.0):
+        if any(h == float("-inf") for h in half):
+            return Guarantee(at.type1, at.type2, at.constraint, at.limb)
+        return super().guarantee_along(at, half, beside, slack_m)
+
+
 class PromisesUnknown(Orthoglide):
     def guarantee(self, at, travel, slack_m=0.0):
         if any(t != t for t in travel):
@@ -173,7 +187,9 @@ WRONG = {
     HalfOfTheAssemblies: "direct gives back",
     NoBias: "direct rates and bias",
     Optimistic: "guarantee is kept",
+    OptimisticAlong: "guarantee along courses is kept",
     PromisesUnknown: "unknown is unknown",
+    PromisesUnknownCourses: "unknown is unknown",
     BelievesNan: "unknown is unknown",
     PromisesNothing: "guarantee says something",
     TooClear: "clearance is kept",
