@@ -7,6 +7,7 @@ round trip   random poses, every working mode: status against the annuli of both
 margins      random designs and postures: Type 1, Type 2 and constraint margins against points, axes, singular values
 loci         presets and random designs: margins along the curves of parallel singularities and at constraint points
 guarantees   random designs, postures and boxes of joints: no margin in a box is below what was promised for it
+courses      the same for courses of the joints
 clearances   random designs and postures: no point of a locus of the same working mode is nearer than the clearance
 
 Exit code 1 if anything exceeds its limit.
@@ -43,6 +44,8 @@ LIMIT = 1e-9
 """m, or 1 for margins: the largest error that passes."""
 BOUNDARY_M = 1e-6
 """m: poses nearer than this to a singularity are classified, but their error does not count."""
+BESIDE = (0.0, 0.1, 1.0)
+"""1: shares of the length of a course by which the joints may be beside it."""
 PRESETS = ("irsbot2", "irsbot2_beta45", "irsbot2_csc", "irsbot2_strict")
 
 
@@ -191,33 +194,38 @@ def singular_loci(designs: int, points: int, seed: int, tick: Tick) -> Result:
 # --- guarantees ---
 
 
-def guarantees(designs: int, postures: int, samples: int, seed: int, tick: Tick) -> Result:
-    """Corners and inner points of random boxes. `worst` stays 0: what counts is that no promise is broken."""
-    result, rng = Result("guarantees"), np.random.default_rng(seed)
+def guarantees(designs: int, postures: int, samples: int, seed: int, tick: Tick, *, along: bool = False) -> Result:
+    """Corners and inner points of random boxes; `along`: ends and inner points of random courses, and what joints may
+    be beside them. `worst` stays 0: what counts is that no promise is broken."""
+    result, rng = Result("courses" if along else "guarantees"), np.random.default_rng(seed)
     for _ in range(designs):
         robot, d = random_design(rng)
         for assembly, q in _assembled(d, postures, rng):
             for centre in q:
                 at = robot.mechanism.posture(tuple(centre.tolist()), assembly)
-                travel = 10.0 ** rng.uniform(-5.0, -0.5) * rng.uniform(0.0, 1.0, 2)
-                bound = robot.mechanism.guarantee(at, travel.tolist())
+                size = 10.0 ** rng.uniform(-5.0, -0.5)
+                half = along * size * rng.uniform(-1.0, 1.0, 2)
+                travel = size * rng.uniform(0.0, 1.0, 2) * (rng.choice(BESIDE) if along else 1.0)
+                if along:
+                    bound = robot.mechanism.guarantee_along(at, half.tolist(), travel.tolist())
+                else:
+                    bound = robot.mechanism.guarantee(at, travel.tolist())
                 if bound.type2 > 0.0:
-                    result.count(samples, np.empty(0), _broken(d, centre, travel, assembly, bound, samples, rng))
+                    points = (
+                        centre + _ends_and_inner(rng, samples, 1) * half + _ends_and_inner(rng, samples, 2) * travel
+                    )
+                    result.count(samples, np.empty(0), _broken(d, points, assembly, bound))
         tick(1)
     return result
 
 
-def _broken(
-    d: space.Design,
-    centre: Array,
-    travel: Array,
-    assembly: int,
-    bound: irs.Guarantee,
-    samples: int,
-    rng: np.random.Generator,
-) -> NDArray[np.bool_]:
-    inner = rng.uniform(-1.0, 1.0, (samples, 2))
-    q = centre + travel * np.where(rng.uniform(size=(samples, 2)) < 0.5, np.sign(inner), inner)
+def _ends_and_inner(rng: np.random.Generator, samples: int, size: int) -> Array:
+    """(samples, size) numbers in -1..1, half of them -1 or 1."""
+    inner = rng.uniform(-1.0, 1.0, (samples, size))
+    return np.where(rng.uniform(size=inner.shape) < 0.5, np.sign(inner), inner)
+
+
+def _broken(d: space.Design, q: Array, assembly: int, bound: irs.Guarantee) -> NDArray[np.bool_]:
     with np.errstate(invalid="ignore"):
         psi1, psi2, *_ = space.posture(d, q[:, 0], q[:, 1], assembly)
     found = [np.abs(np.sin(q[:, 0] - psi1)), np.abs(np.sin(q[:, 1] - psi2)), np.abs(np.sin(psi1 - psi2))]
@@ -263,6 +271,11 @@ def run(quick: bool, seed: int, progress: Progress | None = None) -> list[Result
         ("margins", designs, lambda tick: margins(designs, postures, seed + 1, tick)),
         ("loci", designs // 4 + len(PRESETS), lambda tick: singular_loci(designs // 4, points, seed + 2, tick)),
         ("guarantees", designs // 4, lambda tick: guarantees(designs // 4, postures // 4, 60, seed + 3, tick)),
+        (
+            "courses",
+            designs // 4,
+            lambda tick: guarantees(designs // 4, postures // 4, 60, seed + 5, tick, along=True),
+        ),
         ("clearances", designs // 4, lambda tick: clearances(designs // 4, postures, points // 2, seed + 4, tick)),
     ]
     results = []

@@ -187,7 +187,7 @@ WRONG = {
     HalfOfTheAssemblies: "direct gives back",
     NoBias: "direct rates and bias",
     Optimistic: "guarantee is kept",
-    OptimisticAlong: "guarantee along courses is kept",
+    OptimisticAlong: "course guarantee is kept",
     PromisesUnknown: "unknown is unknown",
     PromisesUnknownCourses: "unknown is unknown",
     BelievesNan: "unknown is unknown",
