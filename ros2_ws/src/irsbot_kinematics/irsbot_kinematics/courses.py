@@ -9,8 +9,9 @@ moves by near_i and its length grows by growth_i; the rest of both is at most as
 displacement and turn of the platform and a_i the change of the rod as a vector, the rod's length says exactly
 
     row_i . (d, t) = r_i . near_i s + growth_i s + rest_i,
-    |rest_i| <= aside_i + growth_aside_i + |c_i| t^2/2 + (|a_i|^2 + growth^2)/(2 rod_i).
+    |rest_i| <= aside_i + growth_aside_i + |c_i| t^2/2 + |a_i|^2/(2 rod_i),
 
+because the rod grows by no more than |a_i|: what is left of |a_i|^2 - (growth of the rod)^2 is between 0 and |a_i|^2.
 The rows give (d, t) = s (d1, t1) + (D, T) with |D| <= sum V_i |rest_i|, |T| <= sum W_i |rest_i|. The motion is
 continuous from the posture on, so it cannot leave a box of (D, T) that these right sides map into its inside.
 
@@ -94,8 +95,8 @@ def swept(at: Posture, rods: Sequence[Rod], span: float = 0.0) -> Swept | None:
         x = y = 0.0
         for rod, radius, length, V, W in zip(rods, radii, lengths, moves, turns, strict=True):
             bend = 0.5 * radius * most * most
-            change, growth = length + D + radius * T + bend + rod.aside, abs(rod.growth) + rod.growth_aside
-            rest = rod.aside + rod.growth_aside + bend + 0.5 * (change * change + growth * growth) / rod.length
+            change = length + D + radius * T + bend + rod.aside
+            rest = rod.aside + rod.growth_aside + bend + 0.5 * change * change / rod.length
             x, y = x + V * rest, y + W * rest
         return x, y
 

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 import pytest
 import wrong_machines
 from postures import NAMES, ROBOTS, joint_range, near, random_joints
-from rod_machines import Array, Machine, closed
+from rod_machines import closed, units
 
 import irsbot_kinematics as irs
-from irsbot_kinematics.courses import Rod, swept
 from irsbot_kinematics.mechanism import Mechanism
 from irsbot_kinematics.mechanisms.delta_family import DeltaGeometry
 from irsbot_kinematics.mechanisms.orthoglide import Orthoglide
+from irsbot_kinematics.mechanisms.planar_pair import _span as distances
 
 ROUNDING = 1e-10
 """A bound is exact to rounding where the course is a point; samples are computed with rounding of their own."""
@@ -114,97 +112,6 @@ def test_bounds_with_slack_hold_on_machines_whose_legs_are_that_wrong(name):
     assert used > 0.05, "the machines are far from the bound: the fixture does not bite"
 
 
-def units(vectors):
-    return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
-
-
-# --- rods of any place and direction: what the mechanisms hand to `swept`, and more ---
-
-PLATFORMS = {"two rods": (2, 2), "three in space": (3, 3), "turning": (3, 2), "turning in space": (4, 3)}
-"""Number of rods, dimensions."""
-WAYS = ("ends", "swings", "lengths", "ends aside", "lengths aside", "off alone", "all")
-
-
-class Course(NamedTuple):
-    """What happens to the rods of a machine, as `Rod` says it, of all of them."""
-
-    machine: Machine
-    near: Array
-    aside: Array
-    growth: Array
-    growth_aside: Array
-
-    def rods(self):
-        lists = [value.tolist() for value in (self.machine.length, *self[1:])]
-        return [Rod(length, tuple(near), *rest) for length, near, *rest in zip(*lists, strict=True)]
-
-    def met(self, s, e, g):
-        """s (N,) in -1..1; e (N, n, m) and g (N, n) of size 1 at most: shares of what may come on top."""
-        shift = s[:, None, None] * self.near + self.aside[:, None] * e
-        return closed(self.machine, shift, s[:, None] * self.growth + self.growth_aside * g)
-
-
-def random_machine_course(rng, rods, dims, way):
-    """Lengths, arms and motions of very different sizes."""
-    while True:
-        arms = rng.normal(size=(rods, 2)) * 10.0 ** rng.uniform(-1.0, 1.0) * (rods > dims)
-        machine = Machine(units(rng.normal(size=(rods, dims))), arms, 10.0 ** rng.uniform(-1.0, 1.0, rods))
-        if abs(np.linalg.det(np.array(machine.posture.screws))) > 1e-2:
-            break
-    size = 10.0 ** rng.uniform(-3.5, -0.7) * machine.length
-    some = lambda *ways: (way in ways) * size * (rng.uniform(size=rods) < 0.7)  # noqa: E731
-    near = rng.normal(size=(rods, dims)) * some("ends", "swings", "ends aside", "lengths aside", "all")[:, None]
-    if way == "swings":
-        near -= np.sum(near * machine.r, axis=1, keepdims=True) * machine.r
-    aside = some("ends aside", "off alone", "all") * 10.0 ** rng.uniform(-2.0, 0.5)
-    growth_aside = some("lengths aside", "all") * 10.0 ** rng.uniform(-2.0, 0.5)
-    growth = rng.normal(size=rods) * some("lengths", "lengths aside", "all")
-    return Course(machine, near, aside, growth, growth_aside)
-
-
-def steepest(course, n, m):
-    """Points (s, e, g) at both ends of a course, with everything off where it lowers the Type 2 margin fastest."""
-    step, points = 0.05, []
-    ways = np.concatenate([np.zeros((1, n * m + n)), np.eye(n * m + n)])
-    for s in (-1.0, 1.0):
-        there = course.met(np.full(len(ways), s), step * ways[:, : n * m].reshape(-1, n, m), step * ways[:, n * m :])
-        slope = (there.type2[1:] - there.type2[0]) / step
-        down = -slope[: n * m].reshape(n, m)
-        down /= np.maximum(np.linalg.norm(down, axis=1, keepdims=True), 1e-12)
-        points.append((s, down, -np.sign(slope[n * m :])))
-    return [np.array(column) for column in zip(*points, strict=True)]
-
-
-@pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("platform", PLATFORMS)
-def test_rods_of_any_place_and_motion_stay_within_what_is_said_of_a_course(platform, way):
-    """Near ends and lengths anywhere within their bounds, and where they lower the Type 2 margin fastest."""
-    rng, (n, m), others = np.random.default_rng(32), PLATFORMS[platform], 24
-    promised, used = 0, np.zeros(3)
-    for _ in range(80 if platform == "turning in space" else 50):
-        course = random_machine_course(rng, n, m, way)
-        machine = course.machine
-        said = swept(machine.posture, course.rods(), machine.span)
-        if said is None or not said.type2 > 0.0:
-            continue
-        promised += 1
-        s, e, g = steepest(course, n, m)
-        s = np.concatenate([s, np.linspace(-1.0, 1.0, others)])
-        along = machine.r * np.sign(rng.uniform(-1.0, 1.0, (others // 2, n, 1)))
-        e = np.concatenate([e, units(rng.normal(size=(others // 2, n, m))), along])
-        g = np.concatenate([g, np.sign(rng.uniform(-1.0, 1.0, (others, n)))])
-        found, start = course.met(s, e, g), course.met(0.0 * s[:1], 0.0 * e[:1], 0.0 * g[:1])
-        off, turns = np.linalg.norm(found.move - s[:, None] * said.move, axis=1), found.rod_turns(machine)
-        assert (off <= said.aside + ROUNDING).all()
-        assert (turns <= np.array(said.turns) + 10.0 * ROUNDING).all()
-        assert (found.type2 >= said.type2 - ROUNDING).all()
-        loss = (start.type2 - found.type2) / (start.type2 - said.type2 + 1e-9)
-        shares = off / (said.aside + 1e-9), turns / (np.array(said.turns) + 1e-9), loss
-        used = np.maximum(used, [share.max() for share in shares])
-    assert promised > 10, "hardly anything is promised"
-    assert (used > [0.7, 0.9, 0.3]).all(), "what happens is far from what is said of displacement, turns, Type 2"
-
-
 # --- what is lost ---
 
 
@@ -289,6 +196,11 @@ def test_a_course_that_is_shorter_than_any_motion_loses_nothing(name, length):
                 bound = robot.mechanism.guarantee_along(at, [half] * n, [beside] * n)
                 found = numbers(irs.Guarantee(at.type1, at.type2, at.constraint, at.limb))
                 np.testing.assert_allclose(numbers(bound), found, atol=1e-9)
+
+
+@pytest.mark.parametrize("length", [2.5e-162, 3.5e-162, 1e-160, 1e-9, 1.0])
+def test_the_distance_from_a_way_is_that_of_its_nearest_point_however_short_it_is(length):
+    assert distances(0.3, 0.0, 0.0, length, 0.0) == pytest.approx((0.3, np.hypot(0.3, length)), rel=1e-12)
 
 
 def test_a_mechanism_that_knows_no_better_has_the_bound_of_the_box_around_a_course():

@@ -326,7 +326,7 @@ def _span(x: float, z: float, dx: float, dz: float, rest: float) -> tuple[float,
     along, square = x * dx + z * dz, dx * dx + dz * dz
     high = hypot(x + dx, z + dz) if along > 0.0 else hypot(x - dx, z - dz)
     if abs(along) < square:
-        low = abs(x * dz - z * dx) / sqrt(square)
+        low = abs(x * dz - z * dx) / hypot(dx, dz)  # the root of a square that is hardly a number has no digits
     else:
         low = hypot(x - dx, z - dz) if along > 0.0 else hypot(x + dx, z + dz)
     return low - rest, high + rest

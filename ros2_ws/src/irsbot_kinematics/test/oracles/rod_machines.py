@@ -81,6 +81,12 @@ def closed(machine: Machine, shift: Array, longer: Array) -> Met:
     return Met(pose[:, :m], turn, r, 1.0 / np.linalg.norm(speeds, axis=2).max(axis=1))
 
 
+def units(vectors: Array) -> Array:
+    """Vectors (..., m) over their lengths."""
+    scaled: Array = vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return scaled
+
+
 def rows(machine: Machine, r: Array, held: Array) -> Array:
     """Screws (..., n, n) of rods along r that hold the platform at `held`."""
     if not machine.turns:
