@@ -11,9 +11,11 @@ import os
 import tempfile
 from collections import defaultdict
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from struct import Struct
 from types import TracebackType
+from typing import IO
 from zlib import crc32
 
 import zstandard
@@ -37,7 +39,6 @@ from mcap.records import (
 MAGIC = b"\x89MCAP0\r\n"
 CHUNK_BYTES = 64 * 1024  # a chunk stalls the writer while it is written, and is lost as a whole
 CHUNK_NS = 500_000_000
-INDEX_IN_MEMORY_BYTES = 256 * 1024  # the index of the chunks waits in an unnamed file beyond this
 
 _MESSAGE = Struct("<BQHIQQ")
 MESSAGE_HEAD = _MESSAGE.size
@@ -76,8 +77,11 @@ class McapWriter:
         self._message_index: dict[int, bytearray] = defaultdict(bytearray)
         self._crc = 0
         try:
-            self._file = path.open("xb", buffering=0)
-            self._chunk_index = tempfile.SpooledTemporaryFile(INDEX_IN_MEMORY_BYTES, dir=str(path.parent))  # noqa: SIM115
+            with ExitStack() as opened:
+                self._file = opened.enter_context(path.open("xb", buffering=0))
+                # The index of the chunks grows for as long as is written, and is needed at the end: not in memory.
+                self._chunk_index = opened.enter_context(tempfile.TemporaryFile(buffering=0, dir=path.parent))
+                opened.pop_all()  # `close` closes them
         except OSError as error:
             raise BagError(f"cannot write '{path}': {error.strerror}") from None
         self._put(MAGIC + _record(Header("ros2", "irsbot")))
@@ -172,7 +176,7 @@ class McapWriter:
         self._message_index.clear()
         indexed = self._chunk_index.tell()
         try:
-            self._chunk_index.write(entry)
+            _write(self._chunk_index, entry)
             self._put(chunk + index)
         except (OSError, BagError) as error:
             self._chunk_index.seek(indexed)
@@ -249,16 +253,21 @@ class McapWriter:
 
     def _put(self, data: bytes) -> None:
         """All of it or nothing: what has been written of a record that does not fit is taken back."""
-        rest = memoryview(data)
         try:
-            while rest:
-                rest = rest[self._file.write(rest) :]
+            _write(self._file, data)
         except OSError as error:
             self._file.seek(self.bytes_written)
             os.ftruncate(self._file.fileno(), self.bytes_written)
             raise BagError(f"cannot write '{self.path}': {error.strerror}") from None
         self._crc = crc32(data, self._crc)
         self.bytes_written += len(data)
+
+
+def _write(file: IO[bytes], data: bytes) -> None:
+    """All of it, where an unbuffered file takes only a part at once."""
+    rest = memoryview(data)
+    while rest:
+        rest = rest[file.write(rest) :]
 
 
 def _record(record: McapRecord) -> bytes:

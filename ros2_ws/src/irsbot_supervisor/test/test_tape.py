@@ -20,7 +20,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from irsbot_msgs_py.cdr import encode_string
 from irsbot_msgs_py.records import Cause, Finding, JointSample, Level, Verdict, unknown_state
-from irsbot_supervisor.mcap_writer import CHUNK_BYTES, CHUNK_NS, BagError
+from irsbot_supervisor.mcap_writer import CHUNK_BYTES, CHUNK_NS, BagError, McapWriter
 from irsbot_supervisor.message_text import definition, type_hash
 from irsbot_supervisor.tape import STRING, Entry, Tape, TapeWriter, installed_topic
 
@@ -291,3 +291,15 @@ def test_a_message_that_is_not_of_its_type_is_named(tmp_path: Path):
         tape.write(tape.channel(installed_topic("/text", STRING)), START_NS, START_NS, b"\x00\x01\x00\x00\xff")
     with Tape(tmp_path / "bad.mcap") as read, pytest.raises(BagError, match="/text at"):
         list(read.records())
+
+
+def test_a_long_recording_holds_no_more_descriptors_than_a_short_one(tmp_path: Path):
+    with McapWriter(tmp_path / "long.mcap") as writer:
+        channel = writer.add_channel("/topic", writer.add_schema("std_msgs/msg/String", "string data"), {})
+        held = []
+        for number in range(5000):  # a minute of the recorder's flushes, and more
+            writer.write(channel, number, number, b"message")
+            writer.flush()
+            if number in (0, 4999):
+                held.append(len(list(Path("/proc/self/fd").iterdir())))
+        assert held[1] == held[0]

@@ -28,9 +28,6 @@ WARM_UP_S = 10.0
 GROWTH_MB = 2.0
 """MB a node may have grown at the end: what a heap does by itself."""
 
-INDEX_MB_PER_S = 0.01
-"""MB/s the recorder may grow besides: the index of the chunks it has written, needed at the end of the file."""
-
 NODES = (
     Node("kinematics", KINEMATICS, {}),
     Node("supervisor", SUPERVISOR, {}),
@@ -115,8 +112,7 @@ def _judge(tally: Tally, name: str, series: list[Use]) -> str:
         f"{name} descriptors at the start": first.total(),
         f"{name} descriptors at the end": last.total(),
     }
-    allowed = GROWTH_MB + (INDEX_MB_PER_S * len(series) if name == "recorder" else 0.0)
-    if not end - start <= allowed:
+    if not end - start <= GROWTH_MB:
         return f"{name} grew from {start:.1f} to {end:.1f} MB"
     if last.total() > first.total():
         return f"{name} holds {last.total()} descriptors, {first.total()} at the start; new: {', '.join(last - first)}"
