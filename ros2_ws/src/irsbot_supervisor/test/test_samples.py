@@ -95,6 +95,18 @@ def test_of_a_flood_as_many_are_judged_as_can_be_and_the_newest_is_never_left_ov
     assert len(node.judged) + stream.skipped == len(sent)  # nothing is judged twice
 
 
+def test_in_a_flood_all_that_waits_is_taken_at_once(node: FakeNode):
+    stream = stream_of(node)
+    sent = send(node, stream, BURST, 1e9)  # the burst that is judged whatever its rate
+    assert node.judged == sent
+    node.queue.waiting = [message(1_000_000 + k) for k in range(5)]
+    stream.subscription.callback(message(900_000))
+    assert not node.queue.waiting
+    stream.settle()
+    assert node.judged == [*sent, 1_000_004]
+    assert stream.skipped == 5
+
+
 def test_a_late_sample_is_skipped_for_the_newest_that_waits(node: FakeNode):
     stream = stream_of(node)
     node.now_ns = LATE_NS + 2_000_000

@@ -14,6 +14,6 @@ ENTRIES: tuple[Entry, ...] = (
     Entry(operators.PARAMETERS, operators.PARAMETERS_MUST, 2000, 60, operators.run_parameters, needs_ros=True),
     Entry(operators.RESETS, operators.RESETS_MUST, 4000, 200, operators.run_resets, needs_ros=True),
     Entry(floods.NAME, floods.MUST, 60, 6, floods.run, needs_ros=True),
-    Entry(outages.NAME, outages.MUST, 16, 4, outages.run, needs_ros=True),
+    Entry(outages.NAME, outages.MUST, 64, 4, outages.run, needs_ros=True),
     Entry(soak.NAME, soak.MUST, 1800, 20, soak.run, needs_ros=True),
 )

@@ -54,8 +54,8 @@ class Samples:
         if self._held:
             self._held = b""
             self.skipped += 1
-        if not self._allowed >= 1.0:
-            self._held = data
+        if not self._allowed >= 1.0:  # to take what waits costs less than to be called for it
+            self._held = self._newest() or data
             return
         self._allowed -= 1.0
         sample = self._decoded(data)
