@@ -18,7 +18,9 @@ from irsbot_msgs_py.records import Level
 from irsbot_supervisor.campaign.rows import Job, Row, Tally
 from irsbot_supervisor.campaign.truth import Array, good_postures, limits, margins_along, supervised
 from irsbot_supervisor.closed_loop import GuidedRobot
+from irsbot_supervisor.core.assess import margins_of
 from irsbot_supervisor.core.gate import DIP
+from irsbot_supervisor.core.outlook import floor_of, position_error
 from irsbot_supervisor.core.policy import KINDS
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.settings_file import read_settings
@@ -90,6 +92,7 @@ def _try_directions(guided: GuidedRobot, rng: np.random.Generator, tally: Tally)
     settings, robot = guided.settings, guided.supervisor.robot
     start, speed = np.array(guided.drives.now.position), np.array(settings.velocity_limit)
     kinds = _kinds(guided)
+    most = DIP + PROBE + _uncertain(guided, kinds)
     unsafe = failed = ""
     for _ in range(DIRECTIONS):
         direction = rng.normal(size=len(start))
@@ -103,15 +106,24 @@ def _try_directions(guided: GuidedRobot, rng: np.random.Generator, tally: Tally)
         slopes = _slopes(robot, settings, start, direction)[kinds]
         lost = float((found[0] - found).max())
         tally.largest("most that was lost of a margin", lost)
-        if not lost <= DIP + PROBE:
+        if not lost <= most:
             unsafe = unsafe or f"a margin fell by {lost:.4f} on the way out"
         if slopes.min() > CLEAR_SLOPE:
             moved = bool(np.abs(way[-1] - start).max() > 0.0)
             tally.add("away moved", float(moved))
             failed = failed or ("" if moved else "motion away was held")
         elif slopes.min() < -CLEAR_SLOPE:
-            tally.add("toward blocked", float(lost <= DIP + PROBE))
+            tally.add("toward blocked", float(lost <= most))
     return unsafe, failed
+
+
+def _uncertain(guided: GuidedRobot, kinds: list[int]) -> float:
+    """What the errors of the joints leave open of the margins that a stop is about: the gate keeps bounds of them."""
+    settings, mechanism, view = guided.settings, guided.supervisor.robot.mechanism, guided.supervisor.view
+    assert view is not None, "a stopped robot is known"
+    errors = (position_error(settings),) * len(mechanism.joints)
+    floor = floor_of(mechanism.guarantee(view.at, errors, settings.geometry_tolerance_m))
+    return max(margins_of(view.at)[kind] - floor[kind] for kind in kinds)
 
 
 def _lead_out(guided: GuidedRobot, tally: Tally) -> str:

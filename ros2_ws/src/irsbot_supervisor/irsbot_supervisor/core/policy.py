@@ -45,7 +45,8 @@ class Policy:
     def judge(
         self, estimate: Estimate, assessment: Assessment, floor: Margins | None, reaction: Floats, held: int
     ) -> list[Finding]:
-        """Everything about one good sample that is not OK. floor: the margins until standstill, None where nobody knows. `held`: sum of the causes that were found just before."""
+        """Everything about one good sample that is not OK. floor: the margins until standstill, None where nobody
+        knows. held: sum of the causes that were found just before."""
         if assessment.at.status != SOLVED:
             return [self._not_assembled(assessment), *self._branch(assessment)]
         findings = self._branch(assessment) if assessment.branch_fault else []

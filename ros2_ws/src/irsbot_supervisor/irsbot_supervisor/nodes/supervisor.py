@@ -158,7 +158,11 @@ class SupervisorNode(LifecycleNode):
         step = self._step(reset)
         response.accepted = step is not None and not step.refusal
         response.message = step.refusal if step is not None else "an error occurred inside the supervisor"
-        self.get_logger().info(f"reset of event {request.event}: {response.message or 'accepted'}")
+        if response.accepted:
+            self.get_logger().info(f"reset of event {request.event}: accepted")
+        else:
+            text = f"reset of event {request.event}: {response.message}"
+            self.get_logger().info(text, throttle_duration_sec=1.0)  # whoever asks without end gets answers, not lines
         return response
 
     def _on_check(
