@@ -81,6 +81,58 @@ def test_no_margin_on_a_course_is_below_its_bound_and_the_branch_is_kept(name):
     assert nearest < 1e-5
 
 
+@pytest.mark.parametrize("name", [name for name in NAMES if ROBOTS[name].mechanism.kind == "irsbot2"])
+def test_the_constraint_bound_holds_where_the_margin_is_small_and_falls_fast(name):
+    """One rod turns alone, or both alike or against each other."""
+    robot, rng, used = ROBOTS[name], np.random.default_rng(37), 0.0
+    postures = [at for at in random_postures(robot, rng, 3000) if min(*at.type1, at.type2) > 0.1]
+    for at in sorted(postures, key=lambda at: at.constraint)[:120]:
+        turns = rng.choice([(1.0, 0.0), (0.0, 1.0), (1.0, -1.0), (1.0, 1.0)]) * 10.0 ** rng.uniform(-4.0, -1.0)
+        half = joints_that_turn(robot, at, turns)
+        bound = robot.mechanism.guarantee_along(at, half.tolist(), (0.0, 0.0))
+        if bound.type2 > 0.0 and bound.constraint > 0.0:
+            met = near(robot, at, np.array(at.joints) + np.linspace(-1.0, 1.0, 41)[:, None] * half)
+            assert (met.constraint_margin >= bound.constraint - ROUNDING).all()
+            used = max(used, (at.constraint - met.constraint_margin.min()) / (at.constraint - bound.constraint))
+    assert used > (0.8 if name == "irsbot2" else 0.2), "no margin falls as fast as is allowed for"
+
+
+def joints_that_turn(robot, at, turns):
+    """Joint steps that turn both rods by given angles to first order, from differences of the direct kinematics."""
+    step, slopes = 1e-6, []
+    for k in range(2):
+        q = np.array(at.joints)
+        psi = []
+        for sign in (-1.0, 1.0):
+            q[k] = at.joints[k] + sign * step
+            psi.append(
+                [np.arctan2(-z, x) for x, z in robot.mechanism.posture(tuple(q.tolist()), at.assembly_mode).screws]
+            )
+        slopes.append(np.angle(np.exp(1j * np.subtract(psi[1], psi[0]))) / (2.0 * step))
+    return np.linalg.solve(np.array(slopes).T, turns)
+
+
+@pytest.mark.parametrize("name", [name for name in NAMES if hasattr(ROBOTS[name].mechanism, "rods_of")])
+def test_near_ends_and_lengths_of_rods_stay_within_what_a_course_says_of_them(name):
+    """And they use it: where joints may be beside the course, and where only the bend of their way is left."""
+    robot, rng, used = ROBOTS[name], np.random.default_rng(38), {0.0: 0.0, 1.0: 0.0}
+    for k, at in enumerate(random_postures(robot, rng, 60)):
+        beside = float(k % 2)
+        half, off = random_course(robot, rng, beside, 0.03)
+        ahead, s = on_course(rng, half, off, 40)
+        how = wrong_machines.driven(robot, at, ahead)
+        for i, rod in enumerate(robot.mechanism.rods_of(at, half.tolist(), off.tolist(), 0.0)):
+            astray = np.linalg.norm(how.shift[:, i] - s[:, None] * rod.near, axis=1)
+            longer = np.abs(how.longer[:, i] - s * rod.growth)
+            assert (astray <= rod.aside + 1e-14).all()
+            assert (longer <= rod.growth_aside + 1e-14).all()
+            assert 0.0 <= rod.length - wrong_machines.rods(robot, at).length[i] + 1e-12 < 1e-9
+            said = rod.aside + rod.growth_aside
+            if said > 1e-6:
+                used[beside] = max(used[beside], (astray + longer).max() / said)
+    assert min(used.values()) > 0.9, "more is allowed for than happens"
+
+
 # --- machines that are wrong ---
 
 
