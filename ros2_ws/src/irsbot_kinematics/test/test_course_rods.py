@@ -6,9 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from rod_machines import Array, Machine, closed, units
+from rod_machines import Array, Machine, closed, rows, units
 
 from irsbot_kinematics.courses import Rod, swept
+from irsbot_kinematics.courses import _Change as Change
+from irsbot_kinematics.courses import _type2 as least_cosine
 
 ROUNDING = 1e-10
 """m or 1: the machines are closed with rounding of their own."""
@@ -95,3 +97,62 @@ def test_rods_of_any_place_and_motion_stay_within_what_is_said_of_a_course(platf
         used = np.maximum(used, [share.max() for share in shares])
     assert promised > 10, "hardly anything is promised"
     assert (used > [0.7, 0.9, 0.3]).all(), "what happens is far from what is said of displacement, turns, Type 2"
+
+
+# --- directions that change in any way, as no rods do: where they bend most against the chords ---
+
+
+def cross_products(machine, r):
+    """Determinants (N,) of rods along r (N, n, m), and the v_i (N, n, m): what r_i is multiplied with in them."""
+    m = machine.r.shape[1]
+    A = rows(machine, r, machine.arms)
+    det = np.linalg.det(A)
+    columns = np.swapaxes(np.linalg.inv(A), -1, -2) * det[..., None, None]
+    v = columns[..., :m].copy()
+    if machine.turns:
+        v[..., :2] += columns[..., m:] * np.stack([-machine.arms[:, 1], machine.arms[:, 0]], axis=1)
+    return det, v
+
+
+def random_change(rng, n, m, still):
+    """Rods, what their directions change to first order, and what may come on top."""
+    while True:
+        right = n == m and rng.uniform() < 0.5
+        r = np.linalg.qr(rng.normal(size=(m, m)))[0] if right else units(rng.normal(size=(n, m)))
+        arms = units(rng.normal(size=(n, 2))) * 10.0 ** rng.uniform(-0.3, 0.3, (n, 1)) * (n > m)
+        machine = Machine(r, arms, np.ones(n))
+        if np.linalg.det(rows(machine, r, arms)) > 0.05:
+            break
+    size = 10.0 ** rng.uniform(-2.5, -0.5)
+    mixed = rng.normal(size=(n, n)) * (rng.uniform(size=(n, n)) < 0.4) @ r
+    u = size * (mixed if rng.uniform() < 0.5 else rng.normal(size=(n, m)))
+    return machine, u, (0.0 if still else size * 10.0 ** rng.uniform(-2.0, 0.0)) * rng.uniform(size=n)
+
+
+@pytest.mark.parametrize("still", [True, False], ids=["to first order", "with more on top"])
+@pytest.mark.parametrize("platform", PLATFORMS)
+def test_directions_that_change_as_badly_as_they_can_stay_above_the_bound(platform, still):
+    """On top comes what lowers the determinant most, found row by row. Two rods: their determinant is the cosine."""
+    rng, (n, m) = np.random.default_rng(39), PLATFORMS[platform]
+    promised, used = 0, 0.0
+    for _ in range(300):
+        machine, u, rest = random_change(rng, n, m, still)
+        ways = rows(machine, u, machine.arms).tolist()
+        changes = [Change(tuple(way), float(np.linalg.norm(v)), e) for way, v, e in zip(ways, u, rest, strict=True)]
+        start = float(np.linalg.det(rows(machine, machine.r, machine.arms)))
+        bound = least_cosine(machine.posture, changes, start, machine.span)
+        if not bound > 0.0:
+            continue
+        promised += 1
+        r = machine.r + np.linspace(-1.0, 1.0, 41)[:, None, None] * u
+        e = np.zeros_like(r)
+        for j in [*range(n)] * 3:
+            e[:, j] = -rest[j] * units(cross_products(machine, r + e)[1][:, j])
+        cosines = [
+            det if n == 2 else det / np.linalg.norm(v, axis=2).max(axis=1)
+            for det, v in (cross_products(machine, r + e), cross_products(machine, machine.r[None]))
+        ]
+        assert (cosines[0] >= bound - ROUNDING).all()
+        used = max(used, (cosines[1][0] - cosines[0].min()) / (cosines[1][0] - bound + 1e-12))
+    assert promised > 150
+    assert used > 0.8, "no determinant falls as far as is allowed for"
