@@ -72,7 +72,6 @@ class Gate:
         self._speed = settings.velocity_limit
         self._share = settings.recovery_share
         self._lag_s = LAG_BEATS * settings.heartbeat_s
-        self._brakes = settings.deceleration_limit
         self._gains = tuple([brake * settings.latency_s for brake in settings.deceleration_limit])
         self._keep = _raised(limits_of(settings, "stop"))
         self._error = (position_error(settings),) * len(settings.velocity_limit)
@@ -132,9 +131,8 @@ class Gate:
         wanted = limits if view.judgement.level == Level.STOP else None
         seen = tuple(map(self._seen, rates, view.velocity, self._gains))
         # Joints that brake each by itself leave the way, sooner braking elsewhere than later: both must be safe.
-        off = max(map(self._behind, rates, view.velocity, self._brakes))
-        later = self._foresight.foresee(view.at, seen, view.ahead_s + self._lag_s, wanted, off=off)
-        sooner = self._foresight.foresee(view.at, seen, view.ahead_s, wanted, off=off)
+        later = self._foresight.foresee(view.at, seen, view.ahead_s + self._lag_s, wanted)
+        sooner = self._foresight.foresee(view.at, seen, view.ahead_s, wanted)
         floor = tuple(map(min, later, sooner))
         if all(have >= want for have, want in zip(floor, limits, strict=True)):
             return None
@@ -148,11 +146,6 @@ class Gate:
         if they went on doing so for the latency."""
         more = min(max(rate - now, -gain), gain)
         return rate + more if more * rate > 0.0 else rate
-
-    @staticmethod
-    def _behind(rate: float, now: float, brake: float) -> float:
-        """rad or m that a joint falls behind while it changes its speed, some joints longer than others."""
-        return 0.5 * (rate - now) * (rate - now) / brake
 
     def _kept(self, view: View, rates: Floats, share: float, limits: Margins) -> Floats:
         """The part of the rates that keeps the limits. All of a new command is tried; else the search begins with what

@@ -35,7 +35,6 @@ class Way(NamedTuple):
     travel: Floats  # rad or m, signed, from now until it stands
     delay_s: float  # from now until the brakes act
     stop_s: float  # from now until the last joint stands
-    error: float  # rad or m by which every joint may be elsewhere
 
 
 class Stretch(NamedTuple):
@@ -62,37 +61,30 @@ class Foresight:
         self._stop = limits_of(settings, "stop")
 
     def foresee(
-        self,
-        at: Posture,
-        velocity: Floats,
-        ahead_s: float,
-        wanted: Margins | None = None,
-        acceleration: Floats = (),
-        off: float = 0.0,
+        self, at: Posture, velocity: Floats, ahead_s: float, wanted: Margins | None = None, acceleration: Floats = ()
     ) -> Margins:
         """Certified smallest margins until standstill from a solved posture, if the joints go on as they are for
         `ahead_s` and the latency, then brake; errors of encoders and geometry included. NaN rates give 0. wanted:
         bounds that high are good enough, lower ones are made sharper. If left out the warning limits, and more is done
-        before a bound falls below a stop limit. acceleration: rad/s2 or m/s2 with which the joints go on; none if left out.
-        off: rad or m by which every joint may be elsewhere on its way, besides its error."""
-        reach = self.reach(velocity, acceleration or self._steady, self._latency + ahead_s, off)
+        before a bound falls below a stop limit. acceleration: rad/s2 or m/s2 that last; none if left out."""
+        reach = self.reach(velocity, acceleration or self._steady, self._latency + ahead_s)
         floor = floor_of(self._mechanism.guarantee(at, reach, self._slack_m))
         stop, wanted = self._stop if wanted is None else None, wanted or self._wanted
         if floor[0] >= wanted[0] and floor[1] >= wanted[1] and floor[2] >= wanted[2] and floor[3] >= wanted[3]:
             return floor
-        floor = self._cut(self.way(at, velocity, ahead_s, acceleration, off), wanted, stop)
+        floor = self._cut(self.way(at, velocity, ahead_s, acceleration), wanted, stop)
         if acceleration and any(v * a < 0.0 for v, a in zip(velocity, acceleration, strict=True)):
             # Nobody knows whether slowing down lasts: both ways count.
             steady = tuple([0.0 if v * a < 0.0 else a for v, a in zip(velocity, acceleration, strict=True)])
-            other = self._cut(self.way(at, velocity, ahead_s, steady, off), wanted, stop)
+            other = self._cut(self.way(at, velocity, ahead_s, steady), wanted, stop)
             type1, type2, constraint, limb = map(min, floor, other)
             floor = type1, type2, constraint, limb
         return floor
 
-    def reach(self, velocity: Floats, acceleration: Floats, delay_s: float, off: float = 0.0) -> list[float]:
+    def reach(self, velocity: Floats, acceleration: Floats, delay_s: float) -> list[float]:
         """rad or m that each joint gets away at most, whatever part of slowing down lasts. A joint that turns round
         ends up faster than it is now only by what is left when its speed has been taken away twice."""
-        reach, error = [], self._error + off
+        reach, error = [], self._error
         for rate, gain, brake in zip(velocity, acceleration, self._brakes, strict=True):
             speed, more = abs(rate), abs(gain) * delay_s
             if rate * gain < 0.0:
@@ -101,7 +93,7 @@ class Foresight:
             reach.append((speed + 0.5 * more) * delay_s + 0.5 * last * last / brake + error)
         return reach
 
-    def way(self, at: Posture, velocity: Floats, ahead_s: float, acceleration: Floats = (), off: float = 0.0) -> Way:
+    def way(self, at: Posture, velocity: Floats, ahead_s: float, acceleration: Floats = ()) -> Way:
         """The braking path, if the joints keep their acceleration until the brakes act."""
         acceleration = acceleration or self._steady
         delay, travel, braking_s = self._latency + ahead_s, [], 0.0
@@ -112,7 +104,7 @@ class Foresight:
             travel.append((rate + 0.5 * more) * delay + 0.5 * last * time_s)
             if not time_s <= braking_s:
                 braking_s = time_s
-        return Way(at, velocity, acceleration, tuple(travel), delay, delay + braking_s, self._error + off)
+        return Way(at, velocity, acceleration, tuple(travel), delay, delay + braking_s)
 
     def position(self, way: Way, time_s: float) -> Floats:
         """Joint positions on the braking path, `time_s` after the sample."""
@@ -129,7 +121,7 @@ class Foresight:
     def bend(self, way: Way, start_s: float, end_s: float) -> list[float]:
         """rad or m that each joint may be away from the chord between two times of a way: an eighth of its acceleration
         times the square of the time, and its error."""
-        eighth, error = 0.125 * (end_s - start_s) * (end_s - start_s), way.error
+        eighth, error = 0.125 * (end_s - start_s) * (end_s - start_s), self._error
         if end_s <= way.delay_s:
             return [eighth * abs(gain) + error for gain in way.gains]
         if start_s >= way.delay_s:
@@ -160,7 +152,7 @@ class Foresight:
         if not (middle.status == SOLVED and _spare(margins_of(middle), limits) >= 0.0):
             return False
         ends = self.position(way, stretch.start_s), self.position(way, stretch.end_s)
-        return max(abs(b - a) for a, b in zip(*ends, strict=True)) > way.error
+        return max(abs(b - a) for a, b in zip(*ends, strict=True)) > self._error
 
     def _halves(self, begin: Posture, way: Way, start_s: float, cut_s: float, end_s: float) -> tuple[Stretch, Stretch]:
         """Two stretches of a way. begin: a posture of the same branch; the one at the start if labels do not hold."""
