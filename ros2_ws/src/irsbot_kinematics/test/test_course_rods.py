@@ -114,19 +114,32 @@ def cross_products(machine, r):
     return det, v
 
 
+CORNERS = np.array([0.0, 2.0, 4.0]) * np.pi / 3.0
+
+
 def random_change(rng, n, m, still):
     """Rods, what their directions change to first order, and what may come on top."""
     while True:
         right = n == m and rng.uniform() < 0.5
         r = np.linalg.qr(rng.normal(size=(m, m)))[0] if right else units(rng.normal(size=(n, m)))
-        arms = units(rng.normal(size=(n, 2))) * 10.0 ** rng.uniform(-0.3, 0.3, (n, 1)) * (n > m)
-        machine = Machine(r, arms, np.ones(n))
-        if np.linalg.det(rows(machine, r, arms)) > 0.05:
+        arms = units(rng.normal(size=(n, 2))) * 10.0 ** (rng.uniform(-1.0, 2.0) + rng.uniform(-0.3, 0.3, (n, 1)))
+        if n == 3 > m and rng.uniform() < 0.5:  # arms as far apart as they can, rods across them
+            x, y = np.cos(CORNERS), np.sin(CORNERS)
+            arms, r = np.stack([x, y], axis=1) * np.hypot(*arms[0]), np.stack([-y, x], axis=1)
+        machine = Machine(r, arms * (n > m), np.ones(n))
+        if np.linalg.det(rows(machine, r, arms)) > 0.05 * (machine.span or 1.0):
             break
     size = 10.0 ** rng.uniform(-2.5, -0.5)
     mixed = rng.normal(size=(n, n)) * (rng.uniform(size=(n, n)) < 0.4) @ r
     u = size * (mixed if rng.uniform() < 0.5 else rng.normal(size=(n, m)))
     return machine, u, (0.0 if still else size * 10.0 ** rng.uniform(-2.0, 0.0)) * rng.uniform(size=n)
+
+
+def changed(machine, u, rest):
+    """What the bound is made of."""
+    ways = rows(machine, u, machine.arms).tolist()
+    changes = [Change(tuple(way), float(np.linalg.norm(v)), e) for way, v, e in zip(ways, u, rest, strict=True)]
+    return machine.posture, changes, float(np.linalg.det(rows(machine, machine.r, machine.arms))), machine.span
 
 
 @pytest.mark.parametrize("still", [True, False], ids=["to first order", "with more on top"])
@@ -137,10 +150,7 @@ def test_directions_that_change_as_badly_as_they_can_stay_above_the_bound(platfo
     promised, used = 0, 0.0
     for _ in range(300):
         machine, u, rest = random_change(rng, n, m, still)
-        ways = rows(machine, u, machine.arms).tolist()
-        changes = [Change(tuple(way), float(np.linalg.norm(v)), e) for way, v, e in zip(ways, u, rest, strict=True)]
-        start = float(np.linalg.det(rows(machine, machine.r, machine.arms)))
-        bound = least_cosine(machine.posture, changes, start, machine.span)
+        bound = least_cosine(*changed(machine, u, rest))
         if not bound > 0.0:
             continue
         promised += 1
@@ -156,3 +166,16 @@ def test_directions_that_change_as_badly_as_they_can_stay_above_the_bound(platfo
         used = max(used, (cosines[1][0] - cosines[0].min()) / (cosines[1][0] - bound + 1e-12))
     assert promised > 150
     assert used > 0.8, "no determinant falls as far as is allowed for"
+
+
+@pytest.mark.parametrize("size", [1.0, 30.0, 1000.0])
+def test_the_chords_miss_no_more_on_large_platforms(size):
+    """Directions, arms and changes for which a search found a cosine that falls far below its chords."""
+    r = units(np.array([[-0.646, 0.763], [0.965, -0.261], [0.96, 0.28]]))
+    machine = Machine(r, size * np.array([[-0.127, 0.333], [0.209, -0.353], [0.987, -0.159]]), np.ones(3))
+    u = np.array([[-0.048, 0.015], [-0.013, -0.048], [-0.005, 0.028]])
+    along = machine.r + np.linspace(-1.0, 1.0, 41)[:, None, None] * u
+    det, v = cross_products(machine, along)
+    cosines = np.abs(det) / np.linalg.norm(v, axis=2).max(axis=1)
+    bound = least_cosine(*changed(machine, u, np.zeros(3)))
+    assert 0.0 < bound <= cosines.min() < min(cosines[0], cosines[20], cosines[-1]) - 1e-3

@@ -9,6 +9,7 @@ from postures import NAMES, ROBOTS, joint_range, near, random_joints
 from rod_machines import closed, units
 
 import irsbot_kinematics as irs
+from irsbot_kinematics.courses import swept
 from irsbot_kinematics.mechanism import Mechanism
 from irsbot_kinematics.mechanisms.delta_family import DeltaGeometry
 from irsbot_kinematics.mechanisms.orthoglide import Orthoglide
@@ -120,13 +121,17 @@ def test_near_ends_and_lengths_of_rods_stay_within_what_a_course_says_of_them(na
         beside = float(k % 2)
         half, off = random_course(robot, rng, beside, 0.03)
         ahead, s = on_course(rng, half, off, 40)
-        how = wrong_machines.driven(robot, at, ahead)
-        for i, rod in enumerate(robot.mechanism.rods_of(at, half.tolist(), off.tolist(), 0.0)):
+        how, machine = wrong_machines.driven(robot, at, ahead), wrong_machines.rods(robot, at)
+        rods = robot.mechanism.rods_of(at, half.tolist(), off.tolist(), 0.0)
+        bound = robot.mechanism.guarantee_along(at, half.tolist(), off.tolist())
+        met = swept(machine.posture, rods, machine.span)
+        assert bound.type2 == pytest.approx(met.type2 if met else 0.0, abs=1e-12)
+        for i, rod in enumerate(rods):
             astray = np.linalg.norm(how.shift[:, i] - s[:, None] * rod.near, axis=1)
             longer = np.abs(how.longer[:, i] - s * rod.growth)
             assert (astray <= rod.aside + 1e-14).all()
             assert (longer <= rod.growth_aside + 1e-14).all()
-            assert 0.0 <= rod.length - wrong_machines.rods(robot, at).length[i] + 1e-12 < 1e-9
+            assert 0.0 <= rod.length - machine.length[i] + 1e-12 < 1e-9
             said = rod.aside + rod.growth_aside
             if said > 1e-6:
                 used[beside] = max(used[beside], (astray + longer).max() / said)
