@@ -6,7 +6,7 @@ from math import inf, nan
 
 import numpy as np
 import pytest
-from supervised import joints_of, ready
+from supervised import joints_of, ready, sample
 
 from irsbot_msgs_py.records import Level
 from irsbot_supervisor.core.certify import certify
@@ -101,12 +101,15 @@ def test_a_motion_that_is_too_fast_for_the_joints_is_slowed_down_on_the_same_way
     assert found.path.excess(limits) <= 1.0 + 1e-9
 
 
-def test_nowhere_on_an_allowed_motion_would_the_supervisor_stop_the_robot():
+@pytest.mark.parametrize("seed", range(8))
+def test_nowhere_on_an_allowed_motion_would_the_supervisor_stop_the_robot(seed):
+    """Swings at full speed beyond the limits: the first straight at Type 1, the others anywhere."""
     supervisor, joints = ready("irsbot2", START)
-    found = passed(supervisor, command_of(to(supervisor, straightened(supervisor), share=1.0)))
+    goal = straightened(supervisor)
+    if seed:
+        goal = np.array(joints) + 2.0 * np.random.default_rng(seed).uniform(-1.0, 1.0, 2)
+    found = passed(supervisor, command_of(to(supervisor, goal, share=1.0)))
     assert found.path is not None
-    from supervised import sample
-
     for ms in range(round(found.path.duration_s * 1e3) + 50):
         point = found.path.at(ms * 1e-3)
         step = supervisor.step(sample(ms, point.position, point.velocity))

@@ -191,6 +191,25 @@ def test_nobody_is_stopped_for_a_bound_alone_where_the_braking_path_is_well_with
 
 
 @every_robot
+def test_a_joint_that_turns_round_to_where_it_was_is_cut_as_finely_as_one_that_goes_on(name):
+    """After the latency it is where it began and as fast as then: begin and end of the stretch say nothing of it."""
+    rng, asked = np.random.default_rng(9), 0
+    settings, robot = shipped(name)
+    seer = Foresight(settings, robot.mechanism)
+    brake = np.array(settings.deceleration_limit)
+    gains = rng.choice([-1.0, 1.0], len(brake)) * brake
+    rates = -0.5 * gains * (settings.latency_s + 0.001)
+    for at in postures(name, 40, 0.02):
+        floor, met = checked(name, at, rates, 0.001, np.zeros(len(brake)), seer, gains)
+        steady = seer.foresee(at, tuple(rates), 0.001)
+        stop = np.array(limits_of(settings, "stop"))
+        if (np.minimum(met, steady) > 1.2 * stop).all():
+            asked += 1
+            assert (floor >= stop).all(), f"from {at.joints}: {floor} where {met} is met"
+    assert asked >= 5, "the fixture proves nothing"
+
+
+@every_robot
 @pytest.mark.parametrize("changes", [{}, ALL_CUT], ids=["shipped", "cut"])
 def test_no_margin_on_the_braking_path_is_below_its_certified_floor(name, changes):
     """Random postures over the whole range, random velocities up to the limit, some of them with accelerations; and

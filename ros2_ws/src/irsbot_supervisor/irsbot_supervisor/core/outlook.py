@@ -45,6 +45,7 @@ class Stretch(NamedTuple):
     floor: Margins  # certified
     begin: Posture  # of the branch; where labels do not hold the one at its start
     middle: Posture  # the one in the middle of its chord
+    width: float = 0.0  # rad or m that a joint gets away from there, error included
 
 
 class Foresight:
@@ -137,7 +138,7 @@ class Foresight:
         for limits, cuts in ((wanted, CUTS), *([(stop, MORE_CUTS)] if stop else [])):
             for _ in range(cuts):
                 worst = min(stretches, key=lambda stretch: _spare(stretch.floor, limits))
-                if not (_spare(worst.floor, limits) < 0.0 and self._is_worth_cutting(worst, way, limits)):
+                if not (_spare(worst.floor, limits) < 0.0 and self._is_worth_cutting(worst, limits)):
                     break
                 stretches.remove(worst)
                 middle_s = 0.5 * (worst.start_s + worst.end_s)
@@ -145,14 +146,13 @@ class Foresight:
         type1, type2, constraint, limb = map(min, zip(*[stretch.floor for stretch in stretches], strict=True))
         return type1, type2, constraint, limb
 
-    def _is_worth_cutting(self, stretch: Stretch, way: Way, limits: Margins) -> bool:
+    def _is_worth_cutting(self, stretch: Stretch, limits: Margins) -> bool:
         """Whether shorter courses can prove more: not where the margins are truly low, nor where all that is left is
         the error of the joints."""
         middle = stretch.middle
         if not (middle.status == SOLVED and _spare(margins_of(middle), limits) >= 0.0):
             return False
-        ends = self.position(way, stretch.start_s), self.position(way, stretch.end_s)
-        return max(abs(b - a) for a, b in zip(*ends, strict=True)) > self._error
+        return stretch.width > 2.0 * self._error
 
     def _halves(self, begin: Posture, way: Way, start_s: float, cut_s: float, end_s: float) -> tuple[Stretch, Stretch]:
         """Two stretches of a way. begin: a posture of the same branch; the one at the start if labels do not hold."""
@@ -173,7 +173,8 @@ class Foresight:
         half = [0.5 * (b - a) for a, b in zip(first, last, strict=True)]
         bend = self.bend(way, start_s, end_s)
         floor = floor_of(self._mechanism.guarantee_along(middle, half, bend, self._slack_m))
-        return Stretch(start_s, end_s, floor, begin, middle)
+        width = max([abs(h) + b for h, b in zip(half, bend, strict=True)])
+        return Stretch(start_s, end_s, floor, begin, middle, width)
 
 
 def _spare(have: Margins, want: Margins) -> float:
