@@ -73,6 +73,8 @@ class Foresight:
         stop, wanted = self._stop if wanted is None else None, wanted or self._wanted
         if floor[0] >= wanted[0] and floor[1] >= wanted[1] and floor[2] >= wanted[2] and floor[3] >= wanted[3]:
             return floor
+        if max(reach) <= 2.0 * self._error:  # standing still: all that is left is the error of the joints
+            return floor
         floor = self._cut(self.way(at, velocity, ahead_s, acceleration), wanted, stop)
         if acceleration and any(v * a < 0.0 for v, a in zip(velocity, acceleration, strict=True)):
             # Nobody knows whether slowing down lasts: both ways count.
