@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from supervised import feed, sample, settings_of, supervisor_of
+from supervised import feed, reset, sample, settings_of, supervisor_of, tick
 
 from irsbot_kinematics import Status
-from irsbot_msgs_py.records import Level
+from irsbot_msgs_py.records import Cause, Level
 from irsbot_supervisor.core.certify import certify
 from irsbot_supervisor.core.outlook import Foresight
 
@@ -84,5 +84,23 @@ def test_an_operator_who_sees_the_platform_on_another_branch_is_refused():
     q = tuple(robot.inverse((0.0, 0.0, 0.3)).tolist())
     feed(supervisor, [sample(ms, q, names=names) for ms in range(-200, 0)])
     other = robot.direct(q, -1)
-    assert supervisor._other_branch(q, tuple(other)) == "the seed pose is nearest to another branch"
-    assert supervisor._other_branch(q, (0.01, 0.0, 0.3)) == ""
+    assert supervisor._seen(q, tuple(other)) == (None, "the seed pose is nearest to another branch")
+    assert supervisor._seen(q, (0.01, 0.0, 0.3)) == (None, "")
+
+
+def test_a_lost_branch_is_the_one_in_which_an_operator_sees_the_platform():
+    """At the end of the way, where the label of the settings means another pose. Without a look nobody can go on."""
+    supervisor = supervisor_of("rrr3_base", working_mode=followed_mode(), assembly_mode=LABEL)
+    names, there = supervisor.settings.joint_names, followed(supervisor.robot)[-1]
+    feed(supervisor, [sample(ms, tuple(START), names=names) for ms in range(-200, 0)])
+    feed(supervisor, [sample(ms, there.joints, names=names) for ms in range(0, 400)])  # half a radian in 1 ms
+    verdict = supervisor.step(tick(400)).verdict
+    assert verdict is not None
+    assert verdict.level == Level.UNKNOWN
+    assert verdict.causes & Cause.BRANCH
+    assert supervisor.step(reset(400, verdict.event)).refusal
+    seen = tuple(np.add(there.pose, (0.01, -0.01, 0.02)).tolist())
+    assert supervisor.step(reset(401, verdict.event)._replace(seed_pose=seen)).refusal == ""
+    steps = feed(supervisor, [sample(ms, there.joints, names=names) for ms in range(402, 700)])
+    assert supervisor._latch.now.level == Level.OK
+    np.testing.assert_allclose(steps[-1].state.pose, there.pose, atol=1e-9)

@@ -59,17 +59,23 @@ class Assessor:
             self._lost = self._lost or "a joint jumped farther than it can move"
         return self._judged(joints, lasting=True)
 
-    def confirmed(self, joints: Floats) -> Assessment:
-        """The posture as it will be judged if an operator confirms the branch: what can be seen counts still."""
-        return self._judged(joints, lasting=False)
+    @property
+    def lost(self) -> bool:
+        """Whether nobody knows the branch."""
+        return bool(self._lost)
 
-    def confirm(self) -> None:
-        """An operator confirms that the robot is in the branch of the settings."""
+    def confirmed(self, joints: Floats, seen: Posture | None = None) -> Assessment:
+        """The posture as it will be judged if an operator confirms the branch: what can be seen counts still.
+        seen: the posture in which the operator sees the robot; left out, as the label of the settings says."""
+        return self._judged(joints, lasting=False, at=seen)
+
+    def confirm(self, seen: Posture | None = None) -> None:
+        """An operator confirms that the robot is in the posture that was seen, or in the branch of the settings."""
         if self._lost:
-            self._lost, self._before = "", None  # as the label of the settings says, wherever the robot is now
+            self._lost, self._before = "", seen  # None: as the label of the settings says, wherever the robot is now
 
-    def _judged(self, joints: Floats, lasting: bool) -> Assessment:
-        at = self._posture(joints)
+    def _judged(self, joints: Floats, lasting: bool, at: Posture | None = None) -> Assessment:
+        at = at or self._posture(joints)
         fault = self._lost if lasting else ""
         if not (at.status == SOLVED and min(at.gaps) > self._contact):
             # Between assembled and not assembled lies contact: nobody passes from one to the other without it.

@@ -191,32 +191,40 @@ class Supervisor:
             return "no good sample to judge by"
         if unknown := [f for f in self._found if f.level == Level.UNKNOWN and not f.cause & Cause.BRANCH]:
             return f"the state of the robot is not known: {unknown[0].text}"
-        if reset.seed_pose and (doubt := self._other_branch(good.position, reset.seed_pose)):
-            return doubt
+        seen: Posture | None = None
+        if reset.seed_pose:
+            seen, doubt = self._seen(good.position, reset.seed_pose)
+            if doubt:
+                return doubt
         # The operator has looked: what only a look can tell is told. What can be seen, as a wrong mode, is seen again.
-        assessment = self._assessor.confirmed(good.position)
+        assessment = self._assessor.confirmed(good.position, seen)
         floor = self._foresee(assessment, good)
         active = self._policy.judge(good, assessment, floor, self._reporter.reaction(good, assessment), 0)
         refusal = self._latch.reset(reset.event, reset.seen_ns, self.standing, active)
         if not refusal:
-            self._assessor.confirm()
+            self._assessor.confirm(seen)
             self._found = active
         return refusal
 
-    def _other_branch(self, joints: Floats, seed_pose: Floats) -> str:
-        """Why the platform that an operator sees at a pose is not in the configured assembly mode; empty if it is."""
+    def _seen(self, joints: Floats, seed_pose: Floats) -> tuple[Posture | None, str]:
+        """The posture in which an operator sees the platform, where that tells more than the settings, and why it
+        cannot be; empty if it can. Where labels hold it must be of the configured assembly mode; where they do not, of
+        the branch that is followed, as long as that is known."""
+        mechanism = self.robot.mechanism
         answer = solve_direct(self.robot, joints, 0, seed_pose)
         if answer.message or answer.status[0] != SOLVED:
-            return answer.message or "the joints determine no pose to compare the seed pose with"
-        seen, configured = answer.assembly_mode[0], self.settings.assembly_mode
-        if not self.robot.mechanism.labels_hold:
-            here = self._assessor.confirmed(joints).at.pose
-            turns = [tau if axis.is_angle else inf for axis in self.robot.mechanism.task]
-            away = [abs(remainder(a - b, turn)) for a, b, turn in zip(here, answer.poses, turns, strict=True)]
-            return "" if all(way <= SAME_POSE_TOL for way in away) else "the seed pose is nearest to another branch"
-        if seen == configured:
-            return ""
-        return f"the seed pose is nearest to assembly mode {seen:+d}, the settings say {configured:+d}"
+            return None, answer.message or "the joints determine no pose to compare the seed pose with"
+        label, configured = answer.assembly_mode[0], self.settings.assembly_mode
+        if mechanism.labels_hold:
+            if label == configured:
+                return None, ""
+            return None, f"the seed pose is nearest to assembly mode {label:+d}, the settings say {configured:+d}"
+        if self._assessor.lost:
+            return mechanism.posture(joints, label), ""
+        here = self._assessor.confirmed(joints).at.pose
+        turns = [tau if axis.is_angle else inf for axis in mechanism.task]
+        away = [abs(remainder(a - b, turn)) for a, b, turn in zip(here, answer.poses, turns, strict=True)]
+        return None, "" if all(way <= SAME_POSE_TOL for way in away) else "the seed pose is nearest to another branch"
 
     def _foresee(self, assessment: Assessment, estimate: Estimate) -> Margins | None:
         """None where there is nothing to start from."""
