@@ -161,6 +161,26 @@ def test_repeated_and_overtaken_samples_are_passed_over_without_alarm():
     assert isinstance(door.check(sample(13, Q)), Accepted)
 
 
+@pytest.mark.parametrize("away", [0.05, -0.05, 1.0, 1e5])
+def test_two_places_at_the_same_stamp_are_a_contradiction(away):
+    """12 rad/s make 45 mrad of three periods at a quarter more than full speed."""
+    door = intake()
+    for ms in (9, 10):
+        assert isinstance(door.check(sample(ms, Q)), Accepted)
+    answer = door.check(sample(11, (Q[0], Q[1] + away), age_ms=1))
+    assert isinstance(answer, Rejected)
+    assert (answer.cause, answer.harmless) == (Cause.IMPLAUSIBLE, False)
+    assert f"'{JOINTS[1]}' is in two places at the same stamp" in answer.text
+    assert isinstance(door.check(sample(12, Q)), Accepted), "the first of both is believed until somebody jumps"
+
+
+def test_a_clock_that_stamps_coarsely_repeats_itself_while_the_robot_moves():
+    door = intake()
+    for ms in range(40):
+        answer = door.check(sample(ms, (Q[0] + 0.012 * ms, Q[1]), age_ms=ms % 10))  # full speed, new stamps every 10 ms
+        assert isinstance(answer, Accepted) if ms % 10 == 0 else straggler(answer)
+
+
 def test_a_rejected_sample_does_not_move_the_newest_stamp():
     door = intake()
     assert isinstance(door.check(sample(10, Q)), Accepted)

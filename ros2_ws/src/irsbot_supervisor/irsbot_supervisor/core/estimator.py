@@ -9,11 +9,8 @@ from typing import NamedTuple
 
 from irsbot_kinematics.mechanism import Coordinate
 from irsbot_msgs_py.records import Cause, Floats
-from irsbot_supervisor.core.intake import Accepted, Rejected, S
+from irsbot_supervisor.core.intake import OVERSPEED, Accepted, Rejected, S
 from irsbot_supervisor.core.settings import Settings
-
-OVERSPEED = 1.25
-"""1: a joint that moves this much faster than its limit between two samples has not moved: the reading is wrong."""
 
 ASTRAY = 2.0
 """1: a jump this many times longer than that is no noise at full speed; until it comes back the position is not

@@ -16,6 +16,13 @@ S = 1_000_000_000
 FARTHEST = 1e6
 """rad or m: a joint position beyond this is a unit error or garbage, and beyond it sines lose their digits."""
 
+OVERSPEED = 1.25
+"""1: a joint that moves this much faster than its limit between two samples has not moved: the reading is wrong."""
+
+LATE_PERIODS = 2
+"""1: periods of the sender by which the arrival of a sample may be off. Clocks that stamp coarsely repeat themselves
+while the robot moves; two sources that say different things of one moment differ by more."""
+
 
 class Accepted(NamedTuple):
     """A sample that can be believed as far as it can be told without history of the motion."""
@@ -44,12 +51,14 @@ class Intake:
         self.configure(settings)
         self._names: tuple[str, ...] | None = None
         self._pick: Callable[[Floats], Floats] = tuple
-        self._stamp_ns = 0
-        self._seen_ns = 0
+        self._stamp_ns = self._seen_ns = self._period_ns = 0
+        self._position: Floats = ()
 
     def configure(self, settings: Settings) -> None:
         """New limits; what has arrived stays known."""
         self._joints = settings.joint_names
+        self._fastest = tuple(OVERSPEED * speed for speed in settings.velocity_limit)
+        self._step = 2.0 * settings.encoder_resolution
         self._age_ns = round(settings.age_limit_s * S)
         self._future_ns = round(settings.future_limit_s * S)
         self._stale_ns = round(settings.stale_s * S)
@@ -70,9 +79,9 @@ class Intake:
                 if not -FARTHEST <= value <= FARTHEST:
                     return Rejected(*_bad_position(name, value))
         in_time = stamp > self._stamp_ns and -self._future_ns <= received - stamp <= self._age_ns
-        if not in_time and (late := self._stamp_fault(stamp, received, seen)):
+        if not in_time and (late := self._stamp_fault(stamp, received, seen, q)):
             return late
-        self._stamp_ns, self._seen_ns = stamp, seen
+        self._stamp_ns, self._seen_ns, self._position, self._period_ns = stamp, seen, q, stamp - self._stamp_ns
         return Accepted(
             stamp,
             received,
@@ -93,7 +102,7 @@ class Intake:
         self._pick = itemgetter(first, *others) if others else lambda values: (values[first],)
         return ""
 
-    def _stamp_fault(self, stamp: int, received: int, seen: int) -> Rejected | None:
+    def _stamp_fault(self, stamp: int, received: int, seen: int, position: Floats) -> Rejected | None:
         age = received - stamp
         if not (stamp > 0 and -self._future_ns <= age <= self._age_ns):
             what = "zero" if stamp <= 0 else f"{-age / S:.3f} s in the future" if age < 0 else f"{age / S:.3f} s old"
@@ -104,7 +113,19 @@ class Intake:
         # A stamp that is merely repeated never becomes news.
         if stamp < self._stamp_ns and seen - self._seen_ns > self._stale_ns:
             return None
+        if stamp == self._stamp_ns and (fault := self._contradiction(seen, position)):
+            return Rejected(Cause.IMPLAUSIBLE, fault)
         return Rejected(Cause.STAMP, "the stamp is repeated or out of order", harmless=True)
+
+    def _contradiction(self, seen: int, position: Floats) -> str:
+        """Why a sample with the stamp of the last one cannot come from the same robot, or empty."""
+        passed_s = (seen - self._seen_ns + LATE_PERIODS * abs(self._period_ns)) / S
+        for name, now, then, fastest in zip(self._joints, position, self._position, self._fastest, strict=True):
+            if not abs(now - then) <= fastest * passed_s + self._step:
+                return (
+                    f"joint '{name}' is in two places at the same stamp, {abs(now - then):.4g} apart: two publishers?"
+                )
+        return ""
 
 
 def _bad_position(name: str, value: float) -> tuple[Cause, str]:
