@@ -118,7 +118,7 @@ def test_the_3_rpr_of_listing_8_has_its_six_poses():
 
     turns, unreal = trigonometric_roots(closing(SAMPLED_TURNS)[None])
     printed = (-0.9869742378, -0.0473313694, 0.245309531, 0.5856727833, 1.00203854, 2.132904365)
-    np.testing.assert_allclose(np.sort(turns[0]), printed, atol=2e-9)
+    np.testing.assert_allclose(np.sort(turns[0]), printed, rtol=0, atol=6e-10)  # ten digits
     assert unreal.max() < 1e-12
     spectrum = np.abs(np.fft.fft(closing(np.arange(32) * pi / 16)))
     assert spectrum[4:17].max() < 1e-12 * spectrum.max(), "the closing polynomial is of degree 3"

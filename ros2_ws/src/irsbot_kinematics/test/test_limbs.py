@@ -120,10 +120,10 @@ def test_both_factors_of_an_ruu_limb_vanish_with_the_rod_upright_and_the_second_
     ab, m = (cos(0.3), sin(0.3), 0.0), np.array([cos(1.9), sin(1.9), 0.0])
     bc = cos(0.01) * Z + sin(0.01) * np.cross(m, Z)
     f1, f2 = limbs.ruu_factors(FLOATS, ab, bc.tolist(), (0.0, 0.0, 1.0))
-    assert f2 == pytest.approx(0.00999983, rel=1e-6)
-    assert f1 == pytest.approx(2.91990e-4, rel=1e-5)
+    assert f2 == pytest.approx(0.00999983, rel=0, abs=5e-9)  # all to the last printed digit
+    assert f1 == pytest.approx(2.91990e-4, rel=0, abs=5e-10)
     det = np.linalg.det(limbs.ruu_jacobian(np.zeros(3), ab, ab + bc, Z, m, (0.3, 0.2, 0.1)))
-    assert abs(det) == pytest.approx(2.919855e-6, rel=1e-6)
+    assert abs(det) == pytest.approx(2.919855e-6, rel=0, abs=5e-13)
 
 
 @pytest.mark.parametrize(
