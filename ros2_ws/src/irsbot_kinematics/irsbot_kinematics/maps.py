@@ -78,7 +78,8 @@ def workspace_map(mechanism: Mechanism, mode: Signs, box: Box, nodes: tuple[int,
     """
     first, second = _axis(box.first, nodes[0]), _axis(box.second, nodes[1])
     if len(box.others) != len(mechanism.task) - 2:
-        raise BadInput(f"a map of {mechanism.kind} needs {len(mechanism.task) - 2} further coordinates")
+        rest = ", ".join(coordinate.name for coordinate in mechanism.task[2:]) or "none"
+        raise BadInput(f"a map needs a value for each further coordinate ({rest}), got {len(box.others)}: --at VALUE")
     rows = [_row(mechanism, mode, first, value, box.others) for value in second]
     stacked = [np.array(column) for column in zip(*rows, strict=True)]
     names = (mechanism.task[0].name, mechanism.task[1].name)
@@ -116,7 +117,9 @@ def reachable_box(mechanism: Mechanism, others: Sequence[float] = ()) -> Box:
         return Box((-side, side), (-far - mechanism.loop.drop, far - mechanism.loop.drop), ())
     bounds = [(coordinate.lower, coordinate.upper) for coordinate in mechanism.task[:2]]
     if not all(isfinite(low) and isfinite(high) for low, high in bounds):
-        raise BadInput(f"{mechanism.kind} has no finite range of poses: give the ranges of the map")
+        first, second = (coordinate.name for coordinate in mechanism.task[:2])
+        ranges = f"the ranges of {first} and {second}: --box LOW HIGH LOW HIGH"
+        raise BadInput(f"how far {mechanism.kind} reaches is not known in closed form; give {ranges}")
     return Box(bounds[0], bounds[1], tuple(others))
 
 

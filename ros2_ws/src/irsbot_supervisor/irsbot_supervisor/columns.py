@@ -21,10 +21,7 @@ def read_joint_columns(path: Path, names: list[str]) -> tuple[Array, Array | Non
     """
     if path.is_dir() or path.suffix == ".mcap":
         return _from_bag(path, names)
-    try:
-        frame = pl.read_csv(path)
-    except (pl.exceptions.PolarsError, UnicodeDecodeError) as error:
-        raise BadInput(f"{path}: not a CSV table: {str(error).splitlines()[0]}") from None
+    frame = _table(path)
     if missing := [name for name in names if name not in frame.columns]:
         raise BadInput(f"{path}: no column '{missing[0]}'; it has {', '.join(frame.columns)}")
     if words := [name for name in names if not frame.schema[name].is_numeric()]:
@@ -45,8 +42,16 @@ def read_motion(path: Path, names: list[str]) -> tuple[Array, Array, Array]:
 
 
 def has_columns(path: Path, names: list[str]) -> bool:
-    """Whether a CSV table has columns of these names."""
-    return path.suffix == ".csv" and set(names) <= set(pl.read_csv(path, n_rows=1).columns)
+    """Whether a CSV table has columns of these names. Raises BadInput for a file that is no table."""
+    return path.suffix == ".csv" and set(names) <= set(_table(path, 1).columns)
+
+
+def _table(path: Path, rows: int | None = None) -> pl.DataFrame:
+    """The first rows of a CSV table, or all of them."""
+    try:
+        return pl.read_csv(path, n_rows=rows)
+    except (pl.exceptions.PolarsError, UnicodeDecodeError) as error:
+        raise BadInput(f"{path}: not a CSV table: {str(error).splitlines()[0]}") from None
 
 
 def write_columns(path: Path, columns: dict[str, Any]) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import irsbot_kinematics as irs
 from irsbot_msgs_py.records import Cause
 from irsbot_supervisor.cli.app import app
 from irsbot_supervisor.core.cartesian import certify_poses
@@ -79,3 +80,32 @@ def test_the_command_takes_poses_by_the_names_of_the_task_coordinates(tmp_path: 
     with path.open("a", newline="") as file:
         csv.writer(file).writerow((3.0, 0.0, -1.25))
     assert CliRunner().invoke(app, ["check-trajectory", "irsbot2", str(path)]).exit_code == 1
+
+
+@pytest.mark.parametrize(
+    ("table", "words"),
+    [
+        (b"", "not a CSV table: empty CSV"),
+        (b"a,b\n\xff,\xfe\n", "not a CSV table"),
+        (b"a,b\n1,2\n", "no column 'joint_1'"),
+    ],
+)
+def test_a_file_that_is_no_motion_is_refused(tmp_path: Path, table: bytes, words: str):
+    path = tmp_path / "motion.csv"
+    path.write_bytes(table)
+    refused = CliRunner().invoke(app, ["check-trajectory", "irsbot2", str(path)])
+    assert isinstance(refused.exception, irs.BadInput)
+    assert words in str(refused.exception)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["rrr3"], "ranges of x and y: --box"),
+        (["rrr3", "--box", "-1", "1", "-1", "1"], "coordinate (phi), got 0: --at"),
+    ],
+)
+def test_a_map_without_its_ranges_says_which_options_give_them(tmp_path: Path, words: list[str], said: str):
+    refused = CliRunner().invoke(app, ["map", *words, "-o", str(tmp_path / "map.png")])
+    assert isinstance(refused.exception, irs.BadInput)
+    assert said in str(refused.exception)

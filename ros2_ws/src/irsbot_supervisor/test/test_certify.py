@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from itertools import pairwise
 
 import numpy as np
@@ -55,6 +56,15 @@ def test_the_first_violation_is_where_the_margin_falls_below_its_limit() -> None
     first = dense_t[np.argmax(margin < limit)]
     # Encoder errors count too: the certificate may end a little before the true crossing, never after it.
     assert first - 0.01 <= found.violation.time_s <= first + 1e-4
+
+
+def test_a_violation_says_what_errors_of_encoders_take_off_a_margin_that_is_above_its_limit() -> None:
+    q = _line((0.3, -0.75), (0.92, -0.75), 200)
+    found = certify(ROBOT, SETTINGS, np.linspace(0.0, 1.0, 200).tolist(), q.tolist())
+    assert found.violation is not None
+    lost = re.search(r", (\S+) less with errors of encoders and geometry, limit 0.1500$", found.violation.text)
+    assert lost is not None
+    assert 0.0 <= found.violation.value - found.violation.limit <= float(lost[1]) * 1.01
 
 
 def test_cubics_are_followed_between_their_points() -> None:

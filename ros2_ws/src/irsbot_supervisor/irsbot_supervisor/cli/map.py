@@ -39,12 +39,13 @@ def draw(
     ),
     mode: Annotated[str | None, typer.Option(help="working mode; the usual one if left out")] = None,
     box: Annotated[
-        tuple[float, float, float, float] | None, typer.Option(help="ranges of the first two coordinates, m")
+        tuple[float, float, float, float] | None,
+        typer.Option(metavar="LOW HIGH LOW HIGH", help="ranges of the first two coordinates, m"),
     ] = None,
     joint_space: Annotated[
         bool, typer.Option("--joints", help="over the first two joints, usual assembly mode")
     ] = False,
-    at: Annotated[list[float] | None, typer.Option(help="the other task coordinates; once for each")] = None,
+    at: Annotated[list[float] | None, typer.Option(help="value of a further coordinate; once for each")] = None,
     nodes: Annotated[int, typer.Option(help="nodes of the grid along each axis", min=2, max=4000)] = 400,
     as_json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
 ) -> None:

@@ -225,5 +225,8 @@ class _Walk:
         lack = [value - limit for value, limit in zip(floor, self._stop, strict=True)]
         kind = lack.index(min(lack))
         limit = self._stop[kind]
-        text = f"{WORDS[KINDS[kind]]} {now[kind]:.4f} at {time_s:.4f} s, limit {limit:.4f}"
+        errors = (
+            "" if now[kind] < limit else f", {now[kind] - floor[kind]:.2g} less with errors of encoders and geometry"
+        )
+        text = f"{WORDS[KINDS[kind]]} {now[kind]:.4f} at {time_s:.4f} s{errors}, limit {limit:.4f}"
         return Violation(time_s, int(KINDS[kind]), now[kind], limit, at.joints, at.pose, text)
