@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import isfinite
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from irsbot_kinematics import batch
-from irsbot_kinematics.arithmetic import Array
+from irsbot_kinematics.arithmetic import ARRAYS, Array
 from irsbot_kinematics.mechanism import Signs, Status
 from irsbot_kinematics.robot import Robot
-from irsbot_kinematics.tolerances import FARTHEST_SEED
+from irsbot_kinematics.tolerances import FARTHEST_SEED, SEEN_SHARE
 
 
 class InverseAnswer(NamedTuple):
@@ -72,18 +73,34 @@ def solve_direct(robot: Robot, joints: Sequence[float], assembly_mode: int, seed
 
 
 def _nearest(robot: Robot, Q: Array, seed: Array) -> tuple[Array, NDArray[np.uint8], NDArray[np.int_], Array]:
-    """In every assembly mode, then per posture the solution nearest to the seed. Positions and angles are each
-    compared in their own unit, positions divided by the characteristic length."""
+    """In every assembly mode, then per posture the solution nearest to the seed."""
     mechanism = robot.mechanism
-    scale = np.array([1.0 if coordinate.is_angle else mechanism.length_m for coordinate in mechanism.task])
     answers = [batch.direct_many(mechanism, Q, mode) for mode in mechanism.assembly_modes]
-    away = np.array([np.abs((poses - seed) / scale).max(axis=1) for poses, _status, _gap in answers])
+    away = np.array([_away(robot, poses, seed) for poses, _status, _gap in answers])
     choice = np.argmin(np.where(np.isnan(away), np.inf, away), axis=0)
     rows = np.arange(len(Q))
     poses = np.array([answer[0] for answer in answers])[choice, rows]
     status = np.array([answer[1] for answer in answers])[choice, rows]
     gap = np.array([answer[2] for answer in answers])[choice, rows]
     return poses, status, np.array(mechanism.assembly_modes)[choice], gap
+
+
+def _away(robot: Robot, poses: Array, seed: Array) -> Array:
+    """(N,) how far poses (N, m) are from a seed pose, NaN where there is none: the largest difference of a coordinate,
+    angles modulo a turn, positions over the characteristic length."""
+    mechanism, away = robot.mechanism, poses - seed
+    for column, coordinate in enumerate(mechanism.task):
+        part = away[:, column]
+        away[:, column] = ARRAYS.wrap(part) if coordinate.is_angle else part / mechanism.length_m
+    return np.asarray(np.abs(away).max(axis=1), dtype=float)
+
+
+def tells_apart(robot: Robot, joints: Sequence[float], seed: Sequence[float]) -> bool:
+    """Whether a pose that somebody sees is so near to one solution that no other can be meant."""
+    Q, mechanism = np.array([joints], dtype=float), robot.mechanism
+    found = [batch.direct_many(mechanism, Q, mode)[0] for mode in mechanism.assembly_modes]
+    away = sorted(value for pose in found if isfinite(value := float(_away(robot, pose, np.array(seed))[0])))
+    return bool(away) and all(away[0] <= SEEN_SHARE * other for other in away[1:])
 
 
 def _rows(values: Sequence[float], width: int, what: str) -> tuple[Array, str]:

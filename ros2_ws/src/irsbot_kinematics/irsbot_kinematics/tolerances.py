@@ -21,6 +21,10 @@ CLOSURE_TOL_M = 1e-9
 FARTHEST_SEED = 1e6
 """m or rad: a pose beyond this is nearer to none of the solutions than to the others, as far as digits can tell."""
 
+SEEN_SHARE = 0.5
+"""1: a pose that somebody sees tells a branch if it is at most this share as far from it as from any other. A pose in
+another unit or another frame is about as far from all of them."""
+
 SCAN_TOL_M = 1e-9
 """m: to which the boundary of a force workspace is refined along a ray; a thousandth of the last printed digit."""
 

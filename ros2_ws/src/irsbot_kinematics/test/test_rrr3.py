@@ -10,6 +10,7 @@ import irsbot_kinematics as irs
 from irsbot_kinematics import Status
 from irsbot_kinematics.arithmetic import FLOATS
 from irsbot_kinematics.mechanism import Mechanism
+from irsbot_kinematics.requests import solve_direct, tells_apart
 
 ROBOT = irs.make_robot("rrr3")
 RB, RP, LINK = 0.35, 0.10, 0.40
@@ -255,6 +256,20 @@ def test_no_move_with_turn_within_the_clearance_meets_a_singularity():
                     assert min(legs.reach) >= -1e-12
                     assert np.linalg.det(legs.screws) * at.det > -1e-15
     assert useful > 25
+
+
+def test_a_pose_that_is_seen_a_turn_away_is_the_same_pose():
+    """Of the four printed poses each is found again from a look at it, whatever turn the angle is given in."""
+    elbows = (2.452984431, 1.640177996, 2.437247862)
+    for label in ROBOT.mechanism.assembly_modes:
+        x, y, phi = ROBOT.direct(elbows, label)
+        for turns in (-3, -1, 0, 1, 2):
+            seen = (x + 0.001, y - 0.001, phi + 0.01 + 2 * np.pi * turns)
+            assert solve_direct(ROBOT, elbows, 0, seen).assembly_mode == [label]
+            assert tells_apart(ROBOT, elbows, seen)
+    assert not tells_apart(ROBOT, elbows, (9.0, 9.0, 9.0))
+    assert not tells_apart(ROBOT, elbows, (np.nan, 0.0, 0.0))
+    assert not tells_apart(ROBOT, (0.1, 0.1, 3.0), (0.0, 0.0, 0.0)), "out of reach"
 
 
 def test_wrong_lengths_are_refused_with_both_values():

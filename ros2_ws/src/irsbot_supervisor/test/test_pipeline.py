@@ -408,6 +408,9 @@ def test_the_seed_pose_of_a_reset_tells_the_assembly_mode():
     assert "assembly mode" in supervisor.step(reset(2400, verdict.event)._replace(seed_pose=tuple(other))).refusal
     for nonsense in ((nan, nan), (1.0,), (0.0, -0.8, 0.0), (inf, 0.0)):
         assert supervisor.step(reset(2401, verdict.event)._replace(seed_pose=nonsense)).refusal
+    for elsewhere in ((300.0, -700.0), (40.0, 3.0)):  # millimetres; another frame
+        refusal = supervisor.step(reset(2401, verdict.event)._replace(seed_pose=elsewhere)).refusal
+        assert "too far from every pose" in refusal
     assert supervisor.step(reset(2402, verdict.event)._replace(seed_pose=(0.3, -0.7))).refusal == ""
 
 

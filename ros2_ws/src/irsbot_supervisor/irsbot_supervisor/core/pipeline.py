@@ -10,7 +10,7 @@ from math import inf, isfinite, nan, remainder, sqrt, tau
 from typing import NamedTuple
 
 from irsbot_kinematics import Posture, Robot
-from irsbot_kinematics.requests import solve_direct
+from irsbot_kinematics.requests import solve_direct, tells_apart
 from irsbot_kinematics.tolerances import SAME_POSE_TOL
 from irsbot_msgs_py.records import (
     Cause,
@@ -214,6 +214,8 @@ class Supervisor:
         answer = solve_direct(self.robot, joints, 0, seed_pose)
         if answer.message or answer.status[0] != SOLVED:
             return None, answer.message or "the joints determine no pose to compare the seed pose with"
+        if not tells_apart(self.robot, joints, seed_pose):
+            return None, "the seed pose is too far from every pose of these joints to tell which one it means"
         label, configured = answer.assembly_mode[0], self.settings.assembly_mode
         if mechanism.labels_hold:
             if label == configured:
