@@ -411,7 +411,9 @@ def test_the_seed_pose_of_a_reset_tells_the_assembly_mode():
     for elsewhere in ((300.0, -700.0), (40.0, 3.0)):  # millimetres; another frame
         refusal = supervisor.step(reset(2401, verdict.event)._replace(seed_pose=elsewhere)).refusal
         assert "too far from every pose" in refusal
-    assert supervisor.step(reset(2402, verdict.event)._replace(seed_pose=(0.3, -0.7))).refusal == ""
+    assert (
+        supervisor.step(reset(2402, verdict.event)._replace(seed_pose=(1.0, -0.6))).refusal == ""
+    )  # it is at (1.04, -0.49)
 
 
 # --- settings and errors ----------------------------------------------------------------------------------------
