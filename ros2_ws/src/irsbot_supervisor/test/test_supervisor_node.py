@@ -271,6 +271,7 @@ def test_a_trajectory_is_checked_while_the_robot_stands(cell: Cell):
     moving = check(cell, GOOD, near_by)
     assert not moving.safe
     assert "moving" in moving.message
+    assert all(map(math.isnan, (moving.violation_time, moving.violation_value, moving.violation_limit)))
 
 
 # --- time and company ----------------------------------------------------------------------------------------------

@@ -94,7 +94,7 @@ def up(
     params: Annotated[Path | None, typer.Option(help="ROS parameter file for all nodes")] = None,
     scenario: Annotated[str, typer.Option(help="what the simulated joints do")] = "pick_and_place",
     folder: Annotated[Path | None, typer.Option("--out", help="folder for the bag; a new one under runs/")] = None,
-    domain: Annotated[int, typer.Option(help="DDS domain")] = 0,
+    domain: Annotated[int, typer.Option(help="DDS domain", envvar="ROS_DOMAIN_ID")] = 0,
     gate: Annotated[
         bool, typer.Option("--gate", help="the joints take commands through the command gate alone")
     ] = False,

@@ -22,19 +22,25 @@ def checked(
     try:
         found = _certificate(robot, settings, request)
     except BadTrajectory as error:
-        response.safe, response.message, response.violation_time = False, str(error), nan
-        return response
+        return refused(response, str(error))
+    response.violation_time = response.violation_value = response.violation_limit = nan
     response.safe = found.safe
     response.margin_cause = [int(kind) for kind in KINDS]
     response.margin_min = [value for value, _time in found.minima]
     response.margin_min_time = [time for _value, time in found.minima]
     violation = found.violation
     response.message = violation.text if violation else ""
-    response.violation_time = violation.time_s if violation else nan
     if violation:
-        response.violation_cause = violation.cause
+        response.violation_time, response.violation_cause = violation.time_s, violation.cause
         response.violation_value, response.violation_limit = violation.value, violation.limit
         response.violation_joints, response.violation_pose = violation.joints, violation.pose
+    return response
+
+
+def refused(response: CheckTrajectory.Response, why: str) -> CheckTrajectory.Response:
+    """Nothing was looked at: not safe, and no number means anything."""
+    response.safe, response.message = False, why
+    response.violation_time = response.violation_value = response.violation_limit = nan
     return response
 
 

@@ -24,7 +24,7 @@ from irsbot_msgs_py.shell import run
 from irsbot_supervisor.core.pipeline import Event, Step, Supervisor
 from irsbot_supervisor.core.settings import InvalidSettings
 from irsbot_supervisor.journal import configured, write_entry
-from irsbot_supervisor.nodes.check import checked
+from irsbot_supervisor.nodes.check import checked, refused
 from irsbot_supervisor.nodes.diagnostics import DiagnosticsPublisher
 from irsbot_supervisor.nodes.gate import CommandGate
 from irsbot_supervisor.nodes.lifecycle import answer_every_request
@@ -171,13 +171,12 @@ class SupervisorNode(LifecycleNode):
         """Only while the robot stands: a long answer delays the heartbeat, and a consumer then brakes."""
         supervisor = self._supervisor
         if supervisor is None or not supervisor.standing:
-            response.message = "the robot is moving, or its state is not known: ask while it stands"
-            return response
+            return refused(response, "the robot is moving, or its state is not known: ask while it stands")
         try:
             return checked(self._robot, self._settings, request, response)
         except Exception as error:
             self._fail(error)
-            return CheckTrajectory.Response(message=f"an error occurred inside the supervisor: {error}")
+            return refused(CheckTrajectory.Response(), f"an error occurred inside the supervisor: {error}")
 
     def _step(self, event: Event) -> Step | None:
         """The one guard: an error inside becomes an UNKNOWN verdict and a log line."""
