@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import signal
 import time
 from datetime import datetime
 from math import isfinite
@@ -61,6 +62,7 @@ def demo(
         values["cycle_s"] = float(seconds)
     limit_s = _length(plan, values, robot_name) + START_DELAY_S + GRACE_S
     out.print(f"{plan.name} with {machine.name}: {plan.description}")
+    _end_in_order_when_told_to()
     timeline = _Timeline()
     bag = target / "bag"
     domain = free_domain()
@@ -73,6 +75,8 @@ def demo(
         suite.start(Node("simulated_joints", JOINTS, values))
         with Watch(domain, timeline.hear) as watch:
             _follow(suite, watch, timeline, plan.expect.stop, limit_s)
+    if not bag.exists():
+        raise Failed("ended before anything was recorded")
     from irsbot_supervisor.pictures.run import draw_run  # matplotlib takes a second to load
 
     recording = read_recording(bag)
@@ -109,6 +113,7 @@ def up(
     if params is not None:
         existing(params, "the parameter file")
     target = folder or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-up"
+    _end_in_order_when_told_to()
     with Suite(target / "logs", domain, namespace, params) as suite, contextlib.suppress(KeyboardInterrupt):
         suite.start(Node("recorder", RECORDER, {"output": str(target / "bag")}))
         suite.start(Node("kinematics", KINEMATICS, {"robot": robot}))
@@ -119,6 +124,11 @@ def up(
         while True:
             suite.check()
             time.sleep(1.0)
+
+
+def _end_in_order_when_told_to() -> None:
+    """SIGTERM, from a service manager or a container, is taken as Ctrl-C: the recorder closes its bag."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
 
 
 class _Timeline:
