@@ -74,6 +74,7 @@ def test_the_rows_have_names_of_their_own_and_the_amounts_that_are_asked_for() -
     assert full["clean"] >= 1_000_000
     assert min(full[name] for name in ("garbage", "loci", "settings")) >= 10_000
     assert full["escape"] >= 1000
+    assert {"approach", "garbage"} <= {entry.name for entry in ENTRIES if entry.over_robots}, "for every mechanism"
     assert all(0 < entry.quick <= entry.full for entry in ENTRIES)
 
 

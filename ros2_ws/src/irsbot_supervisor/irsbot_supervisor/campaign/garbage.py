@@ -13,8 +13,8 @@ import numpy as np
 
 from irsbot_msgs_py.cdr import CdrError, decode_joint_state, encode_joint_state
 from irsbot_msgs_py.records import JointSample, Level, SingularityState
-from irsbot_supervisor.campaign.line import ROBOTS, WARM_UP, Line
-from irsbot_supervisor.campaign.motion import PERIOD_S
+from irsbot_supervisor.campaign.line import WARM_UP, Line
+from irsbot_supervisor.campaign.motion import PERIOD_S, works
 from irsbot_supervisor.campaign.rows import Job, Row, Tally
 
 NAME = "garbage"
@@ -51,17 +51,18 @@ def run(job: Job) -> Row:
         miswired,
         raw_bytes,
     )
-    rngs = [np.random.default_rng([job.seed, k]) for k in range(len(ROBOTS))]
-    lines = [Line(name, rng) for name, rng in zip(ROBOTS, rngs, strict=True)]
+    names = job.robots or works()
+    rngs = [np.random.default_rng([job.seed, k]) for k in range(len(names))]
+    lines = [Line(name, rng) for name, rng in zip(names, rngs, strict=True)]
     for line in lines:
         line.run(WARM_UP)
     for k in range(job.amount):
-        which = k % len(ROBOTS)
-        line, rng, kind = lines[which], rngs[which], kinds[k // len(ROBOTS) % len(kinds)]
+        which = k % len(names)
+        line, rng, kind = lines[which], rngs[which], kinds[k // len(names) % len(kinds)]
         line.run(1 + int(rng.integers(BETWEEN)))
         line.advance()
         unsafe, failed = _try(line, kind, rng, tally)
-        where = f"{ROBOTS[which]}, {kind.__name__}"
+        where = f"{names[which]}, {kind.__name__}"
         tally.case(unsafe and f"{where}: {unsafe}", failed and f"{where}: {failed}")
         if kind is raw_bytes:
             line.run(SETTLED)

@@ -35,7 +35,7 @@ ENTRIES: tuple[Entry, ...] = (
     Entry(escape.NAME, escape.MUST, 1000, len(supervised()), escape.run, over_robots=True),
     Entry(delivery.NAME, delivery.MUST, 5000, 50, delivery.run),
     Entry(stamps.NAME, stamps.MUST, 6000, 60, stamps.run),
-    Entry(garbage.NAME, garbage.MUST, 10_000, 200, garbage.run),
+    Entry(garbage.NAME, garbage.MUST, 10_000, 200, garbage.run, over_robots=True),
     Entry(loci.NAME, loci.MUST, 10_000, 4 * len(supervised()), loci.run, over_robots=True),
     Entry(changes.NAME, changes.MUST, 10_000, 100, changes.run),
     Entry(resets.NAME, resets.MUST, 10_000, 200, resets.run),
