@@ -58,6 +58,17 @@ def test_a_mechanism_that_is_wrong_is_caught_with_law_posture_and_numbers(what: 
     assert "Traceback" not in done.stderr
 
 
+def test_an_error_of_the_mechanism_is_told_with_its_line(tmp_path: Path) -> None:
+    lines = (EXAMPLE / "prr3.py").read_text().splitlines()
+    number = next(k for k, line in enumerate(lines, 1) if "screws.append(" in line)
+    lines[number - 1] = lines[number - 1].replace("screws.append(", "screw.append(")
+    (tmp_path / "prr3.py").write_text("\n".join(lines))
+    (tmp_path / "prr3.yaml").write_text((EXAMPLE / "prr3.yaml").read_text())
+    done = check(str(tmp_path / "prr3.yaml"))
+    assert done.returncode == 1
+    assert f"NameError: name 'screw' is not defined (prr3.py, line {number})" in " ".join(done.stderr.split())
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

@@ -7,7 +7,10 @@ measured to `Robot.direct` once.
 
 from __future__ import annotations
 
+import inspect
+import traceback
 from collections.abc import Iterator
+from pathlib import Path
 from typing import NamedTuple
 
 from irsbot_kinematics.conformance import margins, motion
@@ -74,7 +77,7 @@ def conformance(robot: Robot, *, joints: int = JOINTS, seed: int = 1) -> Iterato
             "" if good >= LEAST_POSTURES else f"{few}; {LEAST_POSTURES} are needed: see ranges, `direct` and `legs`"
         )
     except Exception as error:  # whatever a mechanism of the user does
-        good, broken = 0, f"`posture` raises {_said(error)}"
+        good, broken = 0, f"`posture` raises {_said(error, robot)}"
     words = "Random joints give postures, many of them far from singularities"
     yield Check("postures", words, good, 0.0, 0.0, "1", broken)
     if not broken:
@@ -92,12 +95,16 @@ def _tried(entry: _Entry, machine: Machine) -> Check:
                 broken = f"{case.said}; error {case.error:.3g} {entry.unit}, allowed {entry.allowed:.3g}"
             worst = max(worst, case.error) if case.error == case.error else float("inf")
     except Exception as error:  # whatever a mechanism of the user does
-        broken = f"after {tried} trials it raises {_said(error)}"
+        broken = f"after {tried} trials it raises {_said(error, machine.robot)}"
     if not tried and not broken:
         broken = "it could not be tried anywhere"
     words = " ".join((entry.law.__doc__ or "").split())
     return Check(entry.name, words, tried, worst, entry.allowed, entry.unit, broken)
 
 
-def _said(error: Exception) -> str:
-    return f"{type(error).__name__}: {' '.join(str(error).split())}"
+def _said(error: Exception, robot: Robot) -> str:
+    """The error, and the last line of the mechanism's own file that led to it."""
+    own = inspect.getfile(type(robot.mechanism))
+    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == own]
+    where = f" ({Path(own).name}, line {lines[-1]})" if lines else ""
+    return f"{type(error).__name__}: {' '.join(str(error).split())}{where}"
