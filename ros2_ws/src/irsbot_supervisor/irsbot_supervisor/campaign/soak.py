@@ -82,8 +82,8 @@ def _work(seconds: int, tally: Tally, folder: Path) -> Mapping[str, list[Use]]:
             levels = [before, *(verdict.level for verdict in peer.verdicts)]
             before = levels[-1]
             tally.add(FALSE_STOPS, sum(a < Level.STOP <= b for a, b in pairwise(levels)))
-            latched = any(verdict.latched for verdict in peer.verdicts)
-            tally.case(failed="the robot was stopped, and no longer at work" if latched else "")
+            stopped = next((f"stopped, and no longer at work: {one.text}" for one in peer.verdicts if one.latched), "")
+            tally.case(failed=stopped)
             peer.verdicts.clear()
             for name, process in processes.items():
                 uses[name].append(Use(process.memory_info().rss * 1e-6, _descriptors(process.pid)))
