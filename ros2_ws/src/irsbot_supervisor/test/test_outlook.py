@@ -191,6 +191,41 @@ def test_nobody_is_stopped_for_a_bound_alone_where_the_braking_path_is_well_with
 
 
 @every_robot
+def test_the_work_for_one_sample_is_bounded_however_near_a_limit_the_robot_is(name, monkeypatch):
+    """While the outlook computes the robot goes on. Counted over approaches that need all cuts, with joints that slow
+    down, so that both ways are looked at: 2 stretches and 2 more for each cut, and the postures between them."""
+    settings, robot = shipped(name)
+    cuts = 4 + 8 if robot.mechanism.labels_hold else 2 + 6
+    seer, kind = Foresight(settings, robot.mechanism), type(robot.mechanism)
+    calls = {"track": 0, "guarantee": 0, "guarantee_along": 0}
+
+    def counted(what):
+        original = getattr(kind, what)
+
+        def call(self, *args):
+            calls[what] += 1
+            return original(self, *args)
+
+        return call
+
+    for what in calls:
+        monkeypatch.setattr(kind, what, counted(what))
+    rng, most, cut = np.random.default_rng(4), np.array(settings.velocity_limit), 0
+    for at in postures(name, 60, 0.02):
+        for share in (0.1, 0.3, 1.0):
+            rates = share * rng.uniform(-1.0, 1.0, len(most)) * most
+            for what in calls:
+                calls[what] = 0
+            gains = tuple(-0.5 * np.sign(rates) * settings.deceleration_limit)
+            seer.foresee(at, tuple(rates), 0.002, acceleration=gains)
+            assert calls["guarantee"] <= 1 + calls["guarantee_along"]  # courses may be bounded as boxes
+            assert calls["guarantee_along"] <= 2 * (2 + 2 * cuts)
+            assert calls["track"] <= 2 * (2 + 2 * cuts + cuts + 2)
+            cut += calls["guarantee_along"] > 8
+    assert cut >= 3, "no way was cut: the fixture proves nothing"
+
+
+@every_robot
 def test_a_joint_that_turns_round_to_where_it_was_is_cut_as_finely_as_one_that_goes_on(name):
     """After the latency it is where it began and as fast as then: begin and end of the stretch say nothing of it."""
     rng, asked = np.random.default_rng(9), 0

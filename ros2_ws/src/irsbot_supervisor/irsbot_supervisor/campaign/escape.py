@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from copy import deepcopy
-from itertools import groupby
+from itertools import dropwhile, groupby
 
 import numpy as np
 
@@ -46,8 +46,8 @@ PROBE = 1e-5
 """rad or m: step of the differences."""
 BACK = 1.1
 """1: share of the warning limits at which a robot counts as out."""
-MOST_LEVELS = 7
-"""Levels of a run into a stop and out of it: UNKNOWN, OK, WARN, STOP, and after the reset WARN, OK, WARN at most."""
+MOST_LEVELS = 4
+"""Levels from a stop on: STOP, and after the reset WARN, OK, WARN at most. What was warned of before is the run's."""
 
 
 def run(job: Job) -> Row:
@@ -146,7 +146,8 @@ def _lead_out(guided: GuidedRobot, tally: Tally) -> str:
     out = not guided.now.latched and guided.now.level <= Level.WARN
     tally.add("reached OK", float(out))
     tally.largest("longest way out [s]", beats * settings.heartbeat_s)
-    levels = sum(1 for _level in groupby(turn.level for turn in guided.turns))
+    since = dropwhile(lambda turn: turn.level != Level.STOP, guided.turns)
+    levels = sum(1 for _level in groupby(turn.level for turn in since))
     tally.largest("most changes of level", float(levels))
     if not out:
         return f"not out after {beats} heartbeats: {refusal or guided.now.level.name}"

@@ -39,7 +39,7 @@ class Estimate(NamedTuple):
     velocity: Floats  # rad/s or m/s; NaN in a first sample without velocities
     effort: Floats  # N m or N; empty when not measured
     degraded: str  # empty, or why rates were derived from the positions
-    ahead_s: float  # s that the robot goes on unseen: the age of the sample, and until the next can be expected
+    ahead_s: float  # s that the robot goes on unseen: the age of the sample, and until the next has been judged
     acceleration: Floats  # rad/s2 or m/s2, over the last latency; 0 where that is not known, at most what drives can
 
 
@@ -94,7 +94,8 @@ class Estimator:
                 return Rejected(Cause.IMPLAUSIBLE, fault)
             velocity, degraded = self._believe(velocity, tuple([step / dt for step in moved]), dt)
         expected, self._interval_s = min(dt, self._interval_s), dt  # one gap does not announce another
-        return self._keep(sample, velocity, degraded, 1.5 * expected if degraded else expected)  # differences lag
+        # Until the next one has come and been judged, which may take as long as there is; differences lag besides.
+        return self._keep(sample, velocity, degraded, (2.5 if degraded else 2.0) * expected)
 
     def _ordinary(self, moved: Floats, velocity: Floats, dt: float) -> bool:
         """Whether every joint moves, no farther than it can and as it reports: then all that follows has no objection.

@@ -15,7 +15,7 @@ from irsbot_msgs_py.records import Floats
 from irsbot_supervisor.core.assess import SOLVED, Margins
 from irsbot_supervisor.core.certify import certify
 from irsbot_supervisor.core.motion import BadTrajectory, Command, JointLimits, JointPath, path_through
-from irsbot_supervisor.core.outlook import Foresight
+from irsbot_supervisor.core.outlook import PATIENT_CUTS, Foresight
 from irsbot_supervisor.core.settings import Settings
 
 PACES = (1.0, 0.8, 0.63, 0.5, 0.4, 0.32, 0.25, 0.2, 0.16, 0.125, 0.1)
@@ -61,7 +61,7 @@ class MotionGate:
 
     def __init__(self, settings: Settings, robot: Robot) -> None:
         self._settings, self._robot = settings, robot
-        self._foresight = Foresight(settings, robot.mechanism)
+        self._foresight = Foresight(settings, robot.mechanism, PATIENT_CUTS)
         self._lag_s = 2.0 * settings.heartbeat_s
 
     def motion(self, command: Command, situation: Situation) -> GatedMotion:

@@ -18,12 +18,15 @@ from irsbot_supervisor.core.assess import SOLVED, Margins, margins_of
 if TYPE_CHECKING:
     from irsbot_supervisor.core.settings import Settings
 
-CUTS = 8
-"""How often the braking path of one sample is cut at most to prove that no warning is due; the bound so far counts when
-they are used up. Each cut costs two postures."""
+CUTS, MORE_CUTS = 4, 8
+"""How often the braking path of one sample is cut at most to prove that no warning is due, and how often further before
+a robot is stopped for a bound alone. Each cut costs two postures, and while they are computed the robot goes on."""
 
-MORE_CUTS = 24
-"""How often it is cut further before a robot is stopped for a bound alone."""
+FEWER_CUTS, FEWER_MORE_CUTS = 2, 6
+"""The same for mechanisms whose branches are followed: their postures have no closed form and cost ten times as much."""
+
+PATIENT_CUTS = 8
+"""The same where no robot waits for the answer."""
 
 
 class Way(NamedTuple):
@@ -51,7 +54,10 @@ class Stretch(NamedTuple):
 class Foresight:
     """Follows the braking path of a mechanism under given settings."""
 
-    def __init__(self, settings: Settings, mechanism: Mechanism) -> None:
+    def __init__(self, settings: Settings, mechanism: Mechanism, cuts: int = 0) -> None:
+        """cuts: for bounds that are wanted, where nobody waits; 0: as many as there is time for."""
+        few, more = (CUTS, MORE_CUTS) if mechanism.labels_hold else (FEWER_CUTS, FEWER_MORE_CUTS)
+        self._cuts, self._more_cuts = cuts or few, more
         self._mechanism = mechanism
         self._latency = settings.latency_s
         self._brakes = settings.deceleration_limit
@@ -133,12 +139,15 @@ class Foresight:
 
     def _cut(self, way: Way, wanted: Margins, stop: Margins | None) -> Margins:
         """Bounds along the way in stretches; the one farthest below what is wanted is cut next, as long as the margins
-        in its middle are not. stop: limits for which more is done."""
+        in its middle and where the robot stands are not. stop: limits for which more is done."""
         if not way.stop_s < inf:
             return nothing_of(way.at)
         stretches = [*self._halves(way.at, way, 0.0, way.delay_s, way.stop_s)]
-        for limits, cuts in ((wanted, CUTS), *([(stop, MORE_CUTS)] if stop else [])):
-            for _ in range(cuts):
+        end = stretches[-1].middle
+        if end.status == SOLVED:
+            end = self._mechanism.track(self.position(way, way.stop_s), end)
+        for limits, cuts in ((wanted, self._cuts), *([(stop, self._more_cuts)] if stop else [])):
+            for _ in range(cuts if self._is_good(end, limits) else 0):  # where it stands most margins are smallest
                 worst = min(stretches, key=lambda stretch: _spare(stretch.floor, limits))
                 if not (_spare(worst.floor, limits) < 0.0 and self._is_worth_cutting(worst, limits)):
                     break
@@ -151,10 +160,11 @@ class Foresight:
     def _is_worth_cutting(self, stretch: Stretch, limits: Margins) -> bool:
         """Whether shorter courses can prove more: not where the margins are truly low, nor where all that is left is
         the error of the joints."""
-        middle = stretch.middle
-        if not (middle.status == SOLVED and _spare(margins_of(middle), limits) >= 0.0):
-            return False
-        return stretch.width > 2.0 * self._error
+        return stretch.width > 2.0 * self._error and self._is_good(stretch.middle, limits)
+
+    @staticmethod
+    def _is_good(at: Posture, limits: Margins) -> bool:
+        return at.status == SOLVED and _spare(margins_of(at), limits) >= 0.0
 
     def _halves(self, begin: Posture, way: Way, start_s: float, cut_s: float, end_s: float) -> tuple[Stretch, Stretch]:
         """Two stretches of a way. begin: a posture of the same branch; the one at the start if labels do not hold."""

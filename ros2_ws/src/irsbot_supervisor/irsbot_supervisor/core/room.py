@@ -19,7 +19,7 @@ from irsbot_kinematics import Mechanism, Posture
 from irsbot_kinematics.batch import Evaluations, evaluate_many
 from irsbot_kinematics.mechanism import Coordinate, Floats, Signs
 from irsbot_supervisor.core.assess import SOLVED, margins_of
-from irsbot_supervisor.core.outlook import Foresight, limits_of
+from irsbot_supervisor.core.outlook import PATIENT_CUTS, Foresight, limits_of
 
 if TYPE_CHECKING:
     from irsbot_supervisor.core.settings import Settings
@@ -118,7 +118,7 @@ def room(
     places: at least one. patterns: share of its velocity limit that each joint has at share 1, with its sign.
     ahead_s: how long the robot goes on unseen. most: share at which the search ends.
     """
-    seer, stop = Foresight(settings, mechanism), limits_of(settings, "stop")
+    seer, stop = Foresight(settings, mechanism, PATIENT_CUTS), limits_of(settings, "stop")
 
     def ends(at: Posture, share: float) -> int:
         """The margin that ends a motion of this share, -1 for none."""

@@ -18,7 +18,7 @@ MOST_HZ = 2500.0
 BURST = 50
 """Samples in a row that are judged whatever their rate: more than the queue holds after a stall of the process."""
 
-LATE_NS = 20_000_000
+LATE_NS = 5_000_000
 """ns: a sample this old has waited for us, or its sender is slow; a look into the queue tells."""
 
 MOST_BYTES = 65_536
