@@ -29,8 +29,8 @@ PERIOD_S = 0.001
 WORK = "pick_and_place"
 """The scenario that is work and nothing else."""
 
-BEYOND_S = 0.002
-"""s beyond the latency that a stop may begin late: two periods."""
+BEYOND_S = 0.003
+"""s beyond the latency that a stop may begin late: three periods."""
 
 REST_S = 0.02
 """s that the joints stand between two swings."""
@@ -38,7 +38,7 @@ REST_S = 0.02
 SHORTEST = 0.02
 """1: share of the joint ranges that the shortest swing covers."""
 
-LOOKS, BRAKING = 50, 6
+LOOKS, BRAKING = 120, 6
 """Points of a swing from which it is looked how the joints would brake, and points of each of these ways."""
 
 Motion = Iterator[tuple[Floats, Floats]]
@@ -95,7 +95,11 @@ def _is_clean(motion: JointPath, robot: Robot, settings: Settings, begin: Postur
     rows = []
     for t in np.linspace(0.0, motion.duration_s, LOOKS):
         position, velocity, gain = (np.array(part) for part in motion.at(float(t)))
-        for kept in (gain, np.where(velocity * gain < 0.0, 0.0, gain), np.zeros(len(gain))):
+        span_s = max(settings.latency_s, PERIOD_S)
+        mean = (
+            velocity - np.array(motion.at(max(float(t) - span_s, 0.0)).velocity)
+        ) / span_s  # as far as anybody can tell from the last samples
+        for kept in (gain, mean, np.where(velocity * mean < 0.0, 0.0, mean), np.zeros(len(gain))):
             out = braking(position, velocity, kept, settings, BRAKING)
             rows += [out, out[::-1]]  # and back, so that a branch can be followed through all of it
     return bool((margins_along(robot, settings, np.concatenate(rows), begin) >= enough).all())

@@ -23,7 +23,7 @@ CUTS, MORE_CUTS = 4, 8
 a robot is stopped for a bound alone. Each cut costs two postures, and while they are computed the robot goes on."""
 
 FEWER_CUTS, FEWER_MORE_CUTS = 2, 6
-"""The same for mechanisms whose branches are followed: their postures have no closed form and cost ten times as much."""
+"""The same for mechanisms whose branches are followed: their postures have no closed form and cost ten times more."""
 
 PATIENT_CUTS = 8
 """The same where no robot waits for the answer."""
