@@ -28,6 +28,9 @@ CREEP = 0.02
 """1: share of the velocity limit. What a message reports beyond it `stale_s` after the position came to a stand is no
 lag of a filter either, however slow the motion was: old positions are no better than none."""
 
+JUDGING_S = 0.005
+"""s: judging a sample takes no longer, if there is so much time between two: the work for one sample is bounded."""
+
 
 class Estimate(NamedTuple):
     """Where the joints are and how fast they move."""
@@ -94,8 +97,8 @@ class Estimator:
                 return Rejected(Cause.IMPLAUSIBLE, fault)
             velocity, degraded = self._believe(velocity, tuple([step / dt for step in moved]), dt)
         expected, self._interval_s = min(dt, self._interval_s), dt  # one gap does not announce another
-        # Until the next one has come and been judged, which may take as long as there is; differences lag besides.
-        return self._keep(sample, velocity, degraded, (2.5 if degraded else 2.0) * expected)
+        ahead_s = expected + min(expected, JUDGING_S)  # until the next one has come and been judged
+        return self._keep(sample, velocity, degraded, ahead_s + 0.5 * expected if degraded else ahead_s)  # they lag
 
     def _ordinary(self, moved: Floats, velocity: Floats, dt: float) -> bool:
         """Whether every joint moves, no farther than it can and as it reports: then all that follows has no objection.
