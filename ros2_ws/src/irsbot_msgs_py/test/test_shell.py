@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from irsbot_msgs_py.transport import PEERS, PROFILES, RANGE, TRANSPORTS
+
 pytest.importorskip("rclpy", reason="needs ROS 2")
 
 pytestmark = pytest.mark.ros
@@ -49,9 +51,10 @@ sys.exit(run(Shown))
 @contextmanager
 def shown(wish: str, *args: str, **variables: str) -> Iterator[subprocess.Popen[str]]:
     """A process that prints every tick; killed on the way out if it still lives."""
+    inherited = {name: value for name, value in os.environ.items() if name not in (TRANSPORTS, PROFILES, RANGE, PEERS)}
     process = subprocess.Popen(
         [sys.executable, "-c", PROGRAM, wish, *args],
-        env={**os.environ, "ROS_DOMAIN_ID": str(1 + os.getpid() % 100), **variables},
+        env={**inherited, "ROS_DOMAIN_ID": str(1 + os.getpid() % 100), **variables},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

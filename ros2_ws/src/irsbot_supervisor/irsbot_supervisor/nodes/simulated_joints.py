@@ -39,6 +39,11 @@ TOO_LATE_NS = 50_000_000
 """ns: after a stall of the process the samples that are later than this are not sent any more; the robot has moved."""
 
 
+SETTLE_NS = 500_000_000
+"""ns from the birth of the publisher to its first sample: who is there already has found it by then, so that a recorder
+has the run from its first sample on."""
+
+
 class SimulatedJointsNode(Node):
     """Moves as its scenario says while the verdict allows it, and publishes what the encoders read."""
 
@@ -54,6 +59,7 @@ class SimulatedJointsNode(Node):
         self._commands: SimpleQueue[Command] = SimpleQueue()
         self._rates: SimpleQueue[tuple[float, ...]] = SimpleQueue()
         self._outlets = [self.create_publisher(JointState, "joint_states", STREAM)]
+        self._begin_ns = time.monotonic_ns() + SETTLE_NS
         self.create_subscription(Verdict, "supervisor/verdict", self._on_verdict, LATCHED, raw=True)
         self.create_subscription(JointTrajectory, "joint_trajectory", self._on_trajectory, 10)
         self.create_subscription(Float64MultiArray, "joint_velocity", self._on_velocity, 10)
@@ -79,7 +85,7 @@ class SimulatedJointsNode(Node):
         if self._simulation.gated and not allowed > 0.0:
             self._machine.drives.follow((), (), ())  # what was commanded before a stop is forgotten
         reading = self._machine.step(self._simulation.period_s, allowed)
-        if time.monotonic_ns() - due_ns > TOO_LATE_NS:
+        if due_ns < self._begin_ns or time.monotonic_ns() - due_ns > TOO_LATE_NS:
             return
         stamp_ns = self._ros_time.of(due_ns)
         sample = JointSample(stamp_ns, stamp_ns, due_ns, self._simulation.joint_names, *reading)
