@@ -13,12 +13,19 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
+from irsbot_msgs_py.deadline import exit_within
 from irsbot_msgs_py.transport import choose_transport
 
 DONE, FAILED, USAGE = 0, 1, 2
 
 WAKE_S = 0.1
 """Longest wait before a signal or an exit code is noticed: neither interrupts the wait for messages."""
+
+GOODBYE_S = 2
+"""Longest that the middleware may take to tell the others that a node leaves."""
+
+ENDS = signal.SIGINT, signal.SIGTERM
+"""What ends a node."""
 
 
 class UsageError(Exception):
@@ -30,7 +37,8 @@ def run(
     argv: Sequence[str] | None = None,
     usage_errors: tuple[type[Exception], ...] = (),
 ) -> int:
-    """Run one node until SIGINT, SIGTERM or its own wish; returns the exit code of the process.
+    """Run one node until SIGINT, SIGTERM or its own wish; returns the exit code of the process, which has to end then:
+    after GOODBYE_S at the latest it does.
 
     make_node: creates the node, after rclpy is up. argv: the process's own by default.
     usage_errors: what make_node raises for mistakes of the caller; like UsageError they become one sentence.
@@ -40,24 +48,26 @@ def run(
     from rclpy.signals import SignalHandlerOptions
 
     stop: list[int] = []
-    handlers = {
-        number: signal.signal(number, lambda n, _: stop.append(n)) for number in (signal.SIGINT, signal.SIGTERM)
-    }
+    for number in ENDS:
+        signal.signal(number, lambda n, _: stop.append(n))
     try:
-        try:
-            choose_transport(os.environ, rclpy.get_rmw_implementation_identifier())
-            rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
-        except Exception as error:  # rclpy gives its argument errors no public name
-            return _refuse(error)
-        try:
-            node = make_node()
-        except (UsageError, ParameterException, NameValidationException, *usage_errors) as error:
-            return _refuse(error)
-        return _spin(node, stop)
-    finally:
-        rclpy.try_shutdown()
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
+        choose_transport(os.environ, rclpy.get_rmw_implementation_identifier())
+        rclpy.init(args=argv, signal_handler_options=SignalHandlerOptions.NO)
+    except Exception as error:  # rclpy gives its argument errors no public name
+        return _refuse(error)
+    try:
+        node = make_node()
+    except (UsageError, ParameterException, NameValidationException, *usage_errors) as error:
+        exit_code = _refuse(error)
+    else:
+        exit_code = _spin(node, stop)
+        exit_within(GOODBYE_S, exit_code)
+        node.destroy_node()
+    gc.collect()  # what there is of a node that was refused says goodbye, too
+    rclpy.try_shutdown()
+    for number in ENDS:
+        signal.signal(number, signal.SIG_IGN)  # whoever asks twice gets the same exit code
+    return exit_code
 
 
 def _spin(node: Any, stop: list[int]) -> int:
@@ -81,7 +91,6 @@ def _spin(node: Any, stop: list[int]) -> int:
             node.close()
             exit_code = getattr(node, "exit_code", None)
     executor.shutdown()
-    node.destroy_node()
     return exit_code or DONE
 
 
@@ -95,5 +104,7 @@ def _reported(node: Any) -> Iterator[None]:
 
 
 def _refuse(error: Exception) -> int:
+    """Say so; to be called before the error is let go of, which holds what there is of a node."""
     print(" ".join(str(error).split()) or type(error).__name__, file=sys.stderr)
+    exit_within(GOODBYE_S, USAGE)
     return USAGE

@@ -19,16 +19,24 @@ pytest.importorskip("rclpy", reason="needs ROS 2")
 pytestmark = pytest.mark.ros
 
 PROGRAM = """
+import ctypes
 import sys
 from irsbot_msgs_py.shell import UsageError, run
-from rclpy.node import Node
+from rclpy.lifecycle import LifecycleNode
 
-class Shown(Node):
+class Stuck:
+    def __del__(self):
+        print("stuck", flush=True)
+        ctypes.PyDLL(None).pause()  # as Fast DDS may: for ever, and with the interpreter's lock held
+
+class Shown(LifecycleNode):
     exit_code = None
     ticks = 0
     def __init__(self):
         super().__init__("shown")
-        if WISH == "refuse":
+        if WISH == "refuse and be stuck":
+            self.part = Stuck(), self.tick  # gone when somebody collects it
+        if WISH in ("refuse", "refuse and be stuck"):
             raise UsageError("no such\\nthing")
         if WISH == "type":
             self.declare_parameter("number", 1)
@@ -38,10 +46,14 @@ class Shown(Node):
         print("tick", self.ticks, flush=True)
         if WISH == "fail" and self.ticks < 3:
             raise RuntimeError("a callback failed")
-        if WISH == "leave":
+        if WISH in ("leave", "leave and be stuck"):
             self.exit_code = 7
     def close(self):
         print("closed", flush=True)
+    def destroy_node(self):
+        if WISH == "leave and be stuck":
+            Stuck()
+        super().destroy_node()
 
 WISH = sys.argv[1]
 sys.exit(run(Shown))
@@ -83,6 +95,23 @@ def test_the_node_may_end_itself_with_a_code():
         out, _ = process.communicate(timeout=20)
         assert process.returncode == 7
         assert out.endswith("closed\n")
+
+
+@pytest.mark.parametrize(("wish", "code"), [("refuse and be stuck", 2), ("leave and be stuck", 7)])
+def test_a_middleware_that_never_returns_changes_neither_the_end_nor_its_code(wish: str, code: int):
+    with shown(wish) as process:
+        out, _ = process.communicate(timeout=20)
+        assert process.returncode == code
+        assert out.endswith("stuck\n")
+
+
+def test_whoever_asks_twice_gets_the_same_end():
+    with shown("run") as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "tick 1\n"
+        while process.poll() is None:
+            process.send_signal(signal.SIGINT)
+        assert process.returncode == 0
 
 
 def test_an_error_in_a_callback_is_reported_and_survived():
