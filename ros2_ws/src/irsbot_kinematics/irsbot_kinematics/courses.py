@@ -31,13 +31,15 @@ from operator import mul
 from typing import TYPE_CHECKING, NamedTuple
 
 from irsbot_kinematics import statics
+from irsbot_kinematics.arithmetic import FLOATS
 
 if TYPE_CHECKING:
     from irsbot_kinematics.mechanism import Floats, Posture
 
-WIDER = 2.0
-"""1: how many times wider than its first guess the box of what is of second order is. Wider ones hold more, but cost
-sharpness; where this one does not hold, the course is so long that it is better cut."""
+WIDER = 1.5
+"""1: how many times wider than its guess the box of what is of second order is."""
+BOXES = 4
+"""Guesses; where none of them holds, the course is so long that it is better cut."""
 LEAST = 1e-100
 """m or rad: the box is not smaller, so that its inside is not empty."""
 
@@ -100,12 +102,17 @@ def swept(at: Posture, rods: Sequence[Rod], span: float = 0.0) -> Swept | None:
             x, y = x + V * rest, y + W * rest
         return x, y
 
-    first = mapped(0.0, 0.0)
-    most_D, most_T = WIDER * first[0] + LEAST, WIDER * first[1] + LEAST
-    inner = mapped(most_D, most_T)
-    if not all(value < bound for value, bound in zip(inner, (most_D, most_T), strict=True)):
+    D, T, shortest = *mapped(0.0, 0.0), min([rod.length for rod in rods])
+    for _ in range(BOXES):
+        if not shortest > D:  # whatever holds in such a box says nothing
+            return None
+        box = WIDER * D + LEAST, WIDER * T + LEAST
+        D, T = mapped(*box)
+        if box[0] > D and box[1] > T:
+            break
+    else:
         return None
-    D, T = inner
+    D, T = mapped(D, T)  # what is inside stays inside
     most = abs(turn) + T
     changes, rod_turns = [], []
     for rod, screw, arm, way, length, radius in zip(rods, at.screws, arms, ways, lengths, radii, strict=True):
@@ -143,7 +150,8 @@ def _type2(at: Posture, changes: Sequence[_Change], det: float, span: float) -> 
     for s in (-1.0, 0.0, 1.0):
         pairs_of_rows = zip(at.screws, changes, strict=True)
         rows = [[a + s * b for a, b in zip(row, change.row, strict=True)] for row, change in pairs_of_rows]
-        looks.append(_speeds(rows, at.arms, 1.0 if det > 0.0 else -1.0))
+        value, speeds = statics.yielding(FLOATS, rows, at.arms)
+        looks.append((value if det > 0.0 else -value, speeds))
     fastest = [max(speeds) for speeds in zip(*[speeds for _, speeds in looks], strict=True)]
     several = prod([1.0 + e for e in rest]) - 1.0 - sum(rest)  # more than one of the e_j at a time
     det_off = scale * (curved + grown * several)
@@ -155,18 +163,6 @@ def _type2(at: Posture, changes: Sequence[_Change], det: float, span: float) -> 
         widest = 1.0 if n == 2 else max(speeds) + speed_off  # two unit rows: v_i is the other one
         least = min(least, (value - det_off) / widest)
     return least
-
-
-def _speeds(rows: Sequence[Sequence[float]], arms: Sequence[Sequence[float]], sign: float) -> tuple[float, list[float]]:
-    """det A with a sign, and the sizes of the v_i."""
-    det, columns = statics.cofactors(rows)
-    if not arms:
-        return sign * det, [hypot(*column) for column in columns]
-    speeds = [
-        hypot(column[0] - column[-1] * ay, column[1] + column[-1] * ax, *column[2:-1])
-        for column, (ax, ay) in zip(columns, arms, strict=True)
-    ]
-    return sign * det, speeds
 
 
 def _relative(move: Sequence[float], turn: float, arm: Sequence[float], near: Sequence[float]) -> list[float]:

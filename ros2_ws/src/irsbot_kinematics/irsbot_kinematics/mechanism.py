@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from math import isfinite, nan
+from math import inf, isfinite, nan, tau
 from typing import Any, ClassVar, Generic, NamedTuple
 
 from irsbot_kinematics import statics
@@ -41,6 +41,11 @@ class Coordinate(NamedTuple):
     @property
     def is_angle(self) -> bool:
         return self.unit == "rad"
+
+    @property
+    def turn(self) -> float:
+        """After which positions repeat themselves: 2 pi rad, infinite for a slide. To be taken by `math.remainder`."""
+        return tau if self.is_angle else inf
 
 
 @dataclass(slots=True)

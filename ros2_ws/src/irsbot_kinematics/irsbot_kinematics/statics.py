@@ -47,17 +47,22 @@ def pressure_cosines(k: Arithmetic[N], rows: Rows[N], arms: Sequence[tuple[N, N]
         cross = ax * by - ay * bx
         cosine = k.least(k.size(cross), 0.0 * cross + 1.0)  # rounding may lift it over 1, where acos ends
         return cross, (cosine, cosine)
-    det, columns = cofactors(rows)
+    det, speeds = yielding(k, rows, arms)
     size = k.size(det)
+    return det, tuple([k.ratio(size, speed) for speed in speeds])
+
+
+def yielding(k: Arithmetic[N], rows: Rows[N], arms: Sequence[Sequence[N]]) -> tuple[N, list[N]]:
+    """Determinant of A, and, per leg, its size times that of the velocity with which the point where the leg holds the
+    platform moves when this leg alone yields by one unit. `arms` as in `pressure_cosines`."""
+    det, columns = cofactors(rows)
     if arms and len(rows) == 4:
-        speeds = [
+        return det, [
             _size(k, (vx - w * ay, vy + w * ax, vz)) for (vx, vy, vz, w), (ax, ay) in zip(columns, arms, strict=True)
         ]
-    elif arms:
-        speeds = [k.hypot(vx - w * ay, vy + w * ax) for (vx, vy, w), (ax, ay) in zip(columns, arms, strict=True)]
-    else:
-        speeds = [k.root(vx * vx + vy * vy + vz * vz) for vx, vy, vz in columns]
-    return det, tuple([k.ratio(size, speed) for speed in speeds])
+    if arms:
+        return det, [k.hypot(vx - w * ay, vy + w * ax) for (vx, vy, w), (ax, ay) in zip(columns, arms, strict=True)]
+    return det, [_size(k, column) for column in columns]
 
 
 def twist(rows: Rows[N], drive: Sequence[N]) -> tuple[N, ...]:

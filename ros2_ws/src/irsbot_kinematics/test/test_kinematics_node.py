@@ -71,14 +71,14 @@ class Client:
 
     def close(self) -> tuple[int, str]:
         """Exit code and what was printed on stderr."""
+        self._executor.shutdown()
+        self._node.destroy_node()
+        rclpy.shutdown(context=self._context)
         self.process.send_signal(signal.SIGINT)
         try:
             _, printed = self.process.communicate(timeout=PATIENCE_S)
         finally:
             self.process.kill()
-            self._executor.shutdown()
-            self._node.destroy_node()
-            rclpy.shutdown(context=self._context)
         return self.process.returncode, printed
 
     def _ask(self, name: str, request: Any) -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from math import inf, remainder, tau
+from math import inf, remainder
 
 import numpy as np
 
@@ -141,7 +141,7 @@ def _random_rates(machine: Machine, at: Posture, rng: np.random.Generator) -> Ar
 
 def _unwound(axes: tuple[Coordinate, ...], values: Floats, near: Floats) -> Array:
     """Values whose angles are counted from those nearby, without the jump at half a turn."""
-    turns = [tau if axis.is_angle else inf for axis in axes]
+    turns = [axis.turn for axis in axes]
     return np.array([b + remainder(a - b, turn) for a, b, turn in zip(values, near, turns, strict=True)])
 
 

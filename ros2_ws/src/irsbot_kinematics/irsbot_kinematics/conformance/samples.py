@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from functools import cached_property
-from math import inf, isfinite, pi, remainder, tau
+from math import inf, isfinite, pi, remainder
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -111,7 +111,7 @@ def least(at: Posture) -> float:
 
 def apart(axes: tuple[Coordinate, ...], a: Floats, b: Floats) -> float:
     """Largest |a - b|, angles modulo a turn; infinite for NaN."""
-    turns = [tau if axis.is_angle else inf for axis in axes]
+    turns = [axis.turn for axis in axes]
     away = [abs(remainder(x - y, t)) if isfinite(x - y) else inf for x, y, t in zip(a, b, turns, strict=True)]
     return max(away)
 
