@@ -10,8 +10,9 @@ from supervised import feed, reset, sample, settings_of, supervisor_of, tick
 
 from irsbot_kinematics import Status
 from irsbot_msgs_py.records import Cause, Level
+from irsbot_supervisor.core.assess import margins_of
 from irsbot_supervisor.core.certify import certify
-from irsbot_supervisor.core.outlook import Foresight
+from irsbot_supervisor.core.outlook import Foresight, limits_of
 
 START, WAY = np.array([-0.1477, 2.1584, -1.4992]), np.array([0.7028, -0.4716, 1.0])
 """rad: joints of the rrr3_base and a way on which label -1 goes over to another branch, far from Type 2; at its end the
@@ -104,3 +105,58 @@ def test_a_lost_branch_is_the_one_in_which_an_operator_sees_the_platform():
     steps = feed(supervisor, [sample(ms, there.joints, names=names) for ms in range(402, 700)])
     assert supervisor._latch.now.level == Level.OK
     np.testing.assert_allclose(steps[-1].state.pose, there.pose, atol=1e-9)
+
+
+@pytest.mark.parametrize("beside", [0.5, 0.2, 0.01])
+def test_a_type2_locus_that_is_touched_between_two_samples_is_noticed(beside):
+    """Mirrored cranks of an IRSBot-2 swing smoothly to where its elbows meet (b0 + l1 cos q2 = 0) and back, half the
+    deceleration limit at most; no sample sees the gap closed."""
+    supervisor = supervisor_of("irsbot2_beta45")
+    geometry = supervisor.robot.mechanism.geometry
+    locus = -float(np.arccos(-geometry.b0 / geometry.l1))
+    away = float(supervisor.robot.inverse((0.0, -0.8))[1])
+    half, pace = 0.5 * (away - locus), np.sqrt(200.0 / (0.5 * abs(away - locus)))
+    last, least = int(np.pi / pace * 1e3), 1.0
+    for ms in range(-last, last):
+        t = (ms + beside) * 1e-3
+        q, rate = locus + half * (1.0 - np.cos(pace * t)), half * pace * np.sin(pace * t)
+        state = supervisor.step(sample(3000 + ms + beside, (-np.pi - q, q), (-rate, rate))).state
+        assert state is not None
+        at = supervisor.robot.mechanism.posture(state.joint_position, supervisor.settings.assembly_mode)
+        least = min(least, *at.gaps)
+    assert 1e-9 < least < 1e-4, "a sample met the locus, or none came near: the test proves nothing"
+    verdict = supervisor.step(tick(3000.0 + last + 20.0)).verdict
+    assert verdict is not None
+    assert verdict.causes & Cause.BRANCH
+    assert verdict.level == Level.UNKNOWN
+
+
+@pytest.mark.parametrize("name", ["ruu4", "rrr3_base"])
+def test_what_an_operator_has_seen_holds_at_once_for_the_command_gate(name):
+    """Two solutions of the same joints; the encoders have jumped, the operator sees the platform in the other one."""
+    settings, robot = settings_of(name)
+    mechanism, rng = robot.mechanism, np.random.default_rng(3)
+    low = np.array([-np.pi] * len(mechanism.joints))
+    wanted = np.array(limits_of(settings, "warn"))
+    while True:
+        q = tuple(rng.uniform(low, -low).tolist())
+        solved = [at for label in mechanism.assembly_modes if (at := mechanism.posture(q, label)).status == 0]
+        good = [
+            at
+            for at in solved
+            if at.working_mode == settings.working_mode and (np.array(margins_of(at)) > 1.1 * wanted).all()
+        ]
+        mine = [at for at in good if at.assembly_mode == settings.assembly_mode]
+        if mine and len(good) > 1:
+            break
+    other = next(at for at in good if at is not mine[0])
+    supervisor = supervisor_of(name)
+    names = settings.joint_names
+    off = tuple(x + 0.3 for x in q)
+    feed(supervisor, [sample(ms, off, names=names) for ms in range(100)])
+    feed(supervisor, [sample(ms, q, names=names) for ms in range(100, 500)])
+    event = supervisor.step(tick(500.0)).verdict.event
+    asked = reset(500.5, event)._replace(seed_pose=other.pose)
+    assert supervisor.step(asked).refusal == ""
+    assert supervisor.view is not None
+    np.testing.assert_allclose(supervisor.view.at.pose, other.pose, atol=1e-6)

@@ -109,3 +109,43 @@ def test_a_map_without_its_ranges_says_which_options_give_them(tmp_path: Path, w
     refused = CliRunner().invoke(app, ["map", *words, "-o", str(tmp_path / "map.png")])
     assert isinstance(refused.exception, irs.BadInput)
     assert said in str(refused.exception)
+
+
+def other_modes(name: str, number: int) -> list[irs.Posture]:
+    """Postures in the configured working mode but in another assembly mode, all margins high."""
+    settings, robot = read_settings(name)
+    mechanism, rng = robot.mechanism, np.random.default_rng(8)
+    low = [max(joint.lower, -np.pi) if joint.is_angle else joint.lower for joint in mechanism.joints]
+    high = [min(joint.upper, np.pi) if joint.is_angle else joint.upper for joint in mechanism.joints]
+    found: list[irs.Posture] = []
+    for _ in range(20_000):
+        joints = tuple(rng.uniform(low, high).tolist())
+        for label in mechanism.assembly_modes:
+            at = mechanism.posture(joints, label)
+            if label != settings.assembly_mode and at.status == irs.Status.SOLVED:
+                margins = [*map(abs, at.sines), *at.cos_pressure]
+                if at.working_mode == settings.working_mode and min(margins) > 0.4:
+                    found.append(at)
+        if len(found) >= number:
+            break
+    assert found, f"{name}: no such posture, the test proves nothing"
+    return found
+
+
+@pytest.mark.parametrize("name", ["irsbot2_csc", "rrr3", "orthoglide"])
+def test_a_path_of_the_platform_in_another_assembly_mode_is_not_certified_for_this_one(name):
+    settings, robot = read_settings(name)
+    for at in other_modes(name, 5):
+        found = certify_poses(robot, settings, [0.0], [at.pose])
+        assert found.violation is not None, at
+        assert found.violation.cause == Cause.BRANCH
+        assert f"{at.assembly_mode:+d}, not in {settings.assembly_mode:+d}" in found.violation.text
+        there = certify_poses(robot, settings, [0.0], [at.pose], assembly_mode=at.assembly_mode)
+        assert min(at.cos_pressure) - 0.02 <= there.minima[1][0] <= min(at.cos_pressure) + 1e-9
+
+
+def test_where_labels_do_not_tell_the_branch_the_path_of_the_platform_does():
+    settings, robot = read_settings("ruu4")
+    for at in other_modes("ruu4", 4):
+        found = certify_poses(robot, settings, [0.0], [at.pose])
+        assert min(at.cos_pressure) - 0.02 <= found.minima[1][0] <= min(at.cos_pressure) + 1e-9

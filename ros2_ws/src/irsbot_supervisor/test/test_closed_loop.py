@@ -57,7 +57,7 @@ def test_work_goes_on_for_ever_without_a_stop():
     steps = run("irsbot2", "pick_and_place", 3.0)
     levels = [cycle.level for cycle in steps]
     first = levels.index(Level.OK)
-    assert first < 0.1 * RATE_HZ
+    assert first < 0.2 * RATE_HZ
     assert max(levels[first:]) == Level.OK
     assert max(abs(v) for cycle in steps[-300:] for v in cycle.velocity) > 4.0  # rad/s: still at work
 
@@ -117,7 +117,7 @@ def guided() -> GuidedRobot:
 
 def test_a_guided_robot_moves_as_commanded_and_stops_without_a_command():
     robot = guided()
-    for _ in range(10):
+    for _ in range(20):
         robot.drift()
     assert robot.now.level == Level.OK
     for _ in range(10):
@@ -131,7 +131,7 @@ def test_a_guided_robot_moves_as_commanded_and_stops_without_a_command():
 
 def test_a_robot_that_is_rushed_past_the_gate_is_stopped_and_reset_when_it_was_led_out():
     robot = guided()
-    for _ in range(10):
+    for _ in range(20):
         robot.drift()
     for _ in range(100):
         robot.rush((-6.0, 6.0))

@@ -142,7 +142,116 @@ def test_one_gap_does_not_announce_another_but_a_slower_pace_does():
     filter_ = estimator()
     times = [0, 1, 2, 30, 31, 32, 37, 42, 47, 67, 87]
     ahead = [good(filter_.update(accepted(t, (0.0, 1.0), (0.0, 0.0)))).ahead_s for t in times]
-    assert ahead == pytest.approx([0.0, 0.002, 0.002, 0.002, 0.002, 0.002, 0.002, 0.01, 0.01, 0.01, 0.025])
+    assert ahead == pytest.approx([0.0, 0.002, 0.002, 0.002, 0.002, 0.002, 0.01, 0.01, 0.01, 0.025, 0.025])
+
+
+@pytest.mark.parametrize("burst", [2, 5, 20, 40])
+def test_samples_that_come_in_bursts_are_as_rare_as_their_bursts(burst):
+    """Stamped every millisecond, delivered together: after the last of a burst nothing comes for that many."""
+    filter_, ahead = estimator(), []
+    for k in range(6 * burst):
+        seen_ms = burst * (k // burst + 1) + 1e-3 * (k % burst)
+        arrived = accepted(k, (0.0, 1.0), (0.0, 0.0), seen_ms=seen_ms)
+        ahead.append(good(filter_.update(arrived)).ahead_s)
+    assert min(ahead[3 * burst :]) >= burst * 1e-3 * (1.0 - 1e-3)
+
+
+@pytest.mark.parametrize("lead_ms", [1.0, 10.0, 20.0])
+def test_samples_of_a_sender_whose_clock_is_ahead_are_older_than_they_say(lead_ms):
+    filter_ = estimator()
+    for k in range(30):
+        good(filter_.update(accepted(k, (0.0, 1.0), (0.0, 0.0), age_ms=-lead_ms)))
+    late = [good(filter_.update(accepted(30 + k, (0.0, 1.0), (0.0, 0.0), age_ms=25.0 - lead_ms))) for k in range(400)]
+    assert [one.ahead_s >= 0.025 + 0.002 - 1e-9 for one in late] == [True] * 400
+    assert late[-1].ahead_s == pytest.approx(0.027)
+
+
+def test_one_stamp_from_the_future_does_not_make_all_samples_old():
+    filter_ = estimator()
+    ahead = [
+        good(filter_.update(accepted(k, (0.0, 1.0), (0.0, 0.0), age_ms=-15.0 * (k == 5)))).ahead_s for k in range(9)
+    ]
+    assert max(ahead[7:]) == pytest.approx(0.002)
+
+
+@pytest.mark.parametrize("before_s", [0.12, 0.2, 0.5])
+def test_how_often_samples_come_is_still_known_when_silence_begins_earlier(before_s):
+    """Ten samples every 45 ms."""
+    filter_ = estimator(stale_s=before_s)
+    times = [45 * (k // 10) + k % 10 for k in range(60)]
+    for time_ms in times[:40]:
+        good(filter_.update(accepted(time_ms, (0.0, 1.0), (0.0, 0.0))))
+    filter_.configure(settings_of(stale_s=0.05)[0])
+    for time_ms in times[40:]:
+        assert good(filter_.update(accepted(time_ms, (0.0, 1.0), (0.0, 0.0)))).ahead_s >= 0.036
+
+
+def test_a_gap_that_has_become_a_silence_counts_for_no_more_than_that():
+    filter_ = estimator(stale_s=0.5)
+    for k in range(6):
+        good(filter_.update(accepted(300 * k, (0.0, 1.0), (0.0, 0.0))))
+    filter_.configure(settings_of(stale_s=0.05)[0])
+    assert good(filter_.update(accepted(1501, (0.0, 1.0), (0.0, 0.0)))).ahead_s == pytest.approx(0.055)
+
+
+# --- clocks -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("late_ms", [0.1, 0.3, 0.5, 0.9])
+@pytest.mark.parametrize("rate", [1.0, 4.0, 11.0])
+def test_a_stamp_that_is_a_little_late_is_no_acceleration(rate, late_ms):
+    filter_ = estimator()
+    for k in range(60):
+        stamp_ms = k + late_ms * (k == 30)
+        one = accepted(stamp_ms, (1e-3 * rate * k, 1.0), (rate, 0.0), seen_ms=k)
+        answer = filter_.update(one)
+        if isinstance(answer, Estimate):
+            assert answer.acceleration == (0.0, 0.0)
+            assert answer.velocity[0] >= 0.5 * rate
+    assert good(answer).velocity == (rate, 0.0)
+
+
+@pytest.mark.parametrize("late_ms", [1.2, 3.2, 10.2, 19.2])
+@pytest.mark.parametrize("rate", [2.0, 4.0, 8.0, 11.0])
+@pytest.mark.parametrize("tells", [True, False])
+def test_one_sample_that_was_stamped_late_makes_no_jump_of_those_that_follow(rate, late_ms, tells):
+    """The sender was interrupted between reading and stamping; what follows is on time."""
+    filter_, newest_ms = estimator(), -1.0
+    for k in range(80):
+        stamp_ms = k + late_ms * (k == 30)
+        if stamp_ms > newest_ms:  # others are out of order, which the intake tells
+            newest_ms = stamp_ms
+            said = (rate, 0.0) if tells else ()
+            answer = good(filter_.update(accepted(stamp_ms, (1e-3 * rate * k, 1.0), said, seen_ms=max(k, newest_ms))))
+    assert answer.velocity == pytest.approx((rate, 0.0))
+    assert not filter_.lost_track
+
+
+@pytest.mark.parametrize("back_ms", [5, 19, 30, 45])
+@pytest.mark.parametrize("rate", [0.5, 1.0, 2.0, 4.0, 8.0])
+@pytest.mark.parametrize("tells", [True, False])
+def test_a_sender_whose_clock_was_set_back_does_not_run_when_it_has_caught_up(rate, back_ms, tells):
+    filter_, said = estimator(), (rate, 0.0) if tells else ()
+    watch(filter_, moving((rate, 0.0), said, 0, 30))
+    for k in range(30 + back_ms, 140):  # stamps before are out of order
+        answer = filter_.update(accepted(k - back_ms, (1e-3 * rate * k, 1.0), said, seen_ms=k))
+        if isinstance(answer, Estimate):
+            assert not abs(answer.velocity[0] - rate) > 3.0 + 0.2  # what may be doubted of a rate; NaN: it begins anew
+            assert answer.acceleration == (0.0, 0.0) or not tells
+    assert good(answer).velocity == pytest.approx((rate, 0.0))
+    assert not filter_.lost_track
+
+
+@pytest.mark.parametrize("ahead_ms", [100.0, 1e4, 3.6e6])
+@pytest.mark.parametrize("rate", [0.1, 2.0, 10.0])
+def test_a_clock_that_was_set_forward_is_no_time_that_passed(rate, ahead_ms):
+    """Both clocks of one machine; the message has no velocities."""
+    filter_ = estimator()
+    watch(filter_, moving((rate, 0.0), (), 0, 30))
+    for k in range(30, 60):
+        answer = good(filter_.update(accepted(k + ahead_ms, (1e-3 * rate * k, 1.0), (), seen_ms=k)))
+        assert answer.velocity == pytest.approx((rate, 0.0), abs=1e-6)
+        assert answer.ahead_s <= 0.0026
 
 
 def test_differences_lag_behind_by_half_a_period_which_the_outlook_makes_up_for():
@@ -183,7 +292,7 @@ def test_a_jump_that_stays_is_a_loss_of_track_however_much_time_passes(size):
 def test_noise_at_full_speed_that_is_once_too_large_does_no_lasting_harm():
     filter_ = estimator()
     watch(filter_, moving((SPEED, 0.0), (SPEED, 0.0), 0, 20))
-    answer = filter_.update(accepted(20, (0.24 + 0.0035, 1.0), (SPEED, 0.0)))  # 15.5 mrad in one period
+    answer = filter_.update(accepted(20, (0.24 + 0.011, 1.0), (SPEED, 0.0)))  # 23 mrad in a period that may be 1.5 ms
     assert implausible(answer)
     for k in range(21, 40):
         good(filter_.update(accepted(k, (0.012 * k, 1.0), (SPEED, 0.0))))
@@ -240,23 +349,80 @@ def test_a_joint_that_stands_still_but_reports_motion_is_frozen_even_if_the_othe
 @pytest.mark.parametrize("said", [0.25, -0.6, 1.0])
 def test_however_slow_the_reported_motion_positions_that_stand_longer_than_the_stale_limit_are_frozen(said):
     """From 2 % of the speed limit, 0.24 rad/s, on; 50 ms are the shipped `stale_s`. They stay frozen when the motion
-    ends, until the position changes."""
+    ends, until the position changes, or nobody can know more but an operator."""
     filter_ = estimator()
     watch(filter_, moving((said, 0.0), (said, 0.0), 0, 20))
     stuck = (said * 0.019, 1.0)
     first = next(k for k in range(20, 100) if implausible(filter_.update(accepted(k, stuck, (said, 0.0)))))
     assert 20 + 50 <= first <= 20 + 50 + 2
     assert all(map(implausible, watch(filter_, [accepted(k, stuck, (0.0, 0.0)) for k in range(first + 1, 300)])))
+    assert not filter_.lost_track
     good(filter_.update(accepted(300, (stuck[0] + 1e-4, 1.0), (0.0, 0.0))))
+    assert not filter_.lost_track
 
 
-def test_a_frozen_joint_stays_frozen_when_the_motion_ends_and_until_its_position_changes():
+def test_a_frozen_joint_that_has_come_to_rest_is_believed_again_but_not_the_branch():
+    """It may have gone on; who commands the drives to stand for ever because of it would never get out."""
     filter_ = estimator()
     watch(filter_, moving((2.0, 2.0), (2.0, 2.0), 0, 20))
     stuck = (0.038, 1.038)
     assert implausible(watch(filter_, [accepted(k, stuck, (6.0, 0.0)) for k in range(20, 60)])[-1])
-    assert implausible(watch(filter_, [accepted(k, stuck, (0.0, 0.0)) for k in range(60, 2000)])[-1])
-    good(filter_.update(accepted(2000, (0.039, 1.038), (0.0, 0.0))))
+    assert all(map(implausible, watch(filter_, [accepted(k, stuck, (0.0, 0.0)) for k in range(60, 1058)])))
+    assert not filter_.lost_track
+    good(filter_.update(accepted(1061, stuck, (0.0, 0.0))))
+    assert filter_.lost_track
+
+
+def test_a_frozen_joint_whose_last_digit_flickers_is_frozen():
+    """The shipped encoder resolution is 1e-5 rad; a message that says 6 rad/s for a second while the position stays
+    within one of it."""
+    filter_ = estimator(encoder_resolution=1e-5)
+    watch(filter_, moving((6.0, 0.0), (6.0, 0.0), 0, 20))
+    stuck = [(0.114 + 1e-5 * (k % 2), 1.0) for k in range(1000)]
+    answers = [filter_.update(accepted(20 + k, q, (6.0, 0.0))) for k, q in enumerate(stuck)]
+    first = next(k for k, answer in enumerate(answers) if implausible(answer))
+    assert first <= 25
+    assert all(good(answer).velocity[0] == 6.0 for answer in answers[2:first])
+    assert all(map(implausible, answers[first:]))
+
+
+def test_a_clock_that_is_set_back_does_not_make_a_jump_forgotten():
+    filter_ = estimator()
+    watch(filter_, moving((0.0, 0.0), (0.0, 0.0), 500, 520))
+    for k in range(520, 530):
+        assert implausible(filter_.update(accepted(k, (0.3, 1.0), (0.0, 0.0))))
+    good(filter_.update(accepted(430, (0.3, 1.0), (0.0, 0.0), seen_ms=590)))
+    assert filter_.lost_track
+
+
+def test_late_stamps_at_full_speed_are_no_jumps():
+    rng = np.random.default_rng(3)
+    filter_ = estimator()
+    late_ms = np.abs(rng.normal(0.0, 0.1, 2000))
+    for k, late in enumerate(late_ms):
+        good(filter_.update(accepted(k + late, (0.98 * SPEED * 1e-3 * k, 1.0), (0.98 * SPEED, 0.0), seen_ms=k + late)))
+
+
+@pytest.mark.parametrize("gain", [150.0, -150.0])
+def test_an_acceleration_that_has_just_begun_is_not_thinned_out(gain):
+    """It begins at rest; the shipped latency is 10 ms."""
+    filter_ = estimator()
+    watch(filter_, moving((0.0, 0.0), (0.0, 0.0), 0, 20))
+    for k in range(1, 30):
+        t = 1e-3 * k
+        answer = good(filter_.update(accepted(19 + k, (0.5 * gain * t * t, 1.0), (gain * t, 0.0))))
+        if k >= 3:
+            assert answer.acceleration[0] == pytest.approx(gain, rel=1e-6), k
+
+
+def test_noise_of_a_velocity_is_no_acceleration_of_its_own_size():
+    """Noise of 1 % of full speed, 0.12 rad/s, over one sample would be 120 rad/s2."""
+    rng = np.random.default_rng(5)
+    filter_, found = estimator(), []
+    for k in range(400):
+        said = 6.0 + float(rng.uniform(-0.06, 0.06))
+        found.append(good(filter_.update(accepted(k, (0.006 * k, 1.0), (said, 0.0)))).acceleration[0])
+    assert max(map(abs, found[20:])) <= 0.12 / 0.002 + 1e-6
 
 
 def test_until_it_is_known_to_be_frozen_a_joint_is_taken_to_move_as_it_says():
@@ -316,7 +482,7 @@ def test_when_the_clock_of_the_sender_was_set_back_a_jump_is_told_by_the_steady_
     filter_ = estimator()
     watch(filter_, moving((0.0, 0.0), (0.0, 0.0), 0, 50))
     good(filter_.update(accepted(-5000, (moved, 1.0), (0.0, 0.0), seen_ms=49 + 60)))
-    assert filter_.lost_track is lost
+    assert bool(filter_.lost_track) is lost
 
 
 @pytest.mark.parametrize("back_ms", [40, 45, 49, 60, 500])
@@ -339,7 +505,7 @@ def test_no_branch_is_lost_when_the_clock_of_the_sender_is_set_back_while_a_join
 def test_new_limits_hold_from_the_next_sample_and_the_last_sample_stays_known():
     filter_ = estimator()
     watch(filter_, moving((5.0, 0.0), (5.0, 0.0), 0, 20))
-    filter_.configure(settings_of(velocity_limit=3.0)[0])
+    filter_.configure(settings_of(velocity_limit=2.0)[0])
     assert implausible(filter_.update(accepted(20, (0.1, 1.0), (5.0, 0.0))))
     filter_.configure(settings_of()[0])
     assert good(filter_.update(accepted(21, (0.105, 1.0), ()))).velocity == pytest.approx((5.0, 0.0))

@@ -12,7 +12,7 @@ from supervised import joints_of, ready, settings_of, tick
 import irsbot_kinematics as irs
 from irsbot_msgs_py.records import Cause, Level
 from irsbot_supervisor.closed_loop import GuidedRobot
-from irsbot_supervisor.core.gate import Gate, View
+from irsbot_supervisor.core.gate import Gate
 from irsbot_supervisor.core.outlook import limits_of
 from irsbot_supervisor.core.settings import Settings
 
@@ -23,7 +23,7 @@ LOST = 0.003
 RESERVE = 0.02
 """Share above the stop limits that is kept, as docs/verdicts.md says."""
 
-AT_REST_BEATS = 8
+AT_REST_BEATS = 16
 """Heartbeats after which a standing robot is OK."""
 
 
@@ -78,6 +78,8 @@ def stopped(name: str, seed: int) -> GuidedRobot:
             guided.rush(tuple(rates))
             if guided.now.level >= Level.STOP:
                 break
+        while not guided.supervisor.standing:
+            guided.drift()
         for _ in range(AT_REST_BEATS):
             guided.drift()
         if guided.now.level == Level.STOP:
@@ -123,7 +125,7 @@ def test_nothing_moves_while_the_state_is_not_known():
     gate = Gate(supervisor.settings, supervisor.robot.mechanism)
     assert view is not None
     assert gate.velocity((0.1, 0.1), None).rates == (0.0, 0.0)
-    unknown = View(view.at, view.velocity, view.ahead_s, view.judgement._replace(level=Level.UNKNOWN, speed_scale=0.0))
+    unknown = view._replace(judgement=view.judgement._replace(level=Level.UNKNOWN, speed_scale=0.0))
     assert gate.velocity((0.1, 0.1), unknown).rates == (0.0, 0.0)
 
 
@@ -132,6 +134,23 @@ def test_the_view_ends_when_samples_stop():
     assert supervisor.view is not None
     supervisor.step(tick(1000.0))
     assert supervisor.view is None
+
+
+def test_a_command_near_a_limit_is_cut_the_more_the_older_the_newest_sample_is():
+    guided = standing("irsbot2", good_posture("irsbot2", 0))
+    limits = np.array(guided.settings.velocity_limit)
+    direction = np.random.default_rng(0).normal(size=len(limits))
+    wanted = tuple(limits * direction / np.abs(direction).max())
+    assert any(guided.beat(wanted).text for _ in range(150)), "the run met no limit: it proves nothing"
+    view = guided.supervisor.view
+    assert view is not None
+    shares = []
+    for age_ms in (0.0, 20.0, 40.0):
+        aged = view.aged(view.seen_ns + round(age_ms * 1e6))
+        assert aged.ahead_s == pytest.approx(view.ahead_s + 1e-3 * age_ms)
+        allowed = Gate(guided.settings, guided.supervisor.robot.mechanism).velocity(wanted, aged).rates
+        shares.append(max(map(abs, allowed)))
+    assert shares[0] > shares[1] > shares[2]
 
 
 @pytest.mark.parametrize("name", ROBOTS)
@@ -175,6 +194,29 @@ def test_what_goes_along_a_limit_stays_while_what_goes_towards_it_is_blocked(sig
 
 
 # --- the way out ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["irsbot2", "orthoglide"])
+def test_who_goes_on_commanding_while_the_robot_brakes_is_let_out_as_well(name):
+    """What is lost of a margin while a stopped robot brakes must not have to be gained first."""
+    rng = np.random.default_rng(11)
+    for _ in range(4):
+        guided = standing(name, good_posture(name, int(rng.integers(2**31))))
+        limits = np.array(guided.settings.velocity_limit)
+        rates = tuple(rng.uniform(-1.0, 1.0, len(limits)) * limits)
+        while guided.now.level < Level.STOP:
+            guided.rush(rates)
+        braking = 0
+        while not guided.supervisor.standing:
+            braking += 1
+            guided.beat(rates)
+        assert braking
+        start = np.array(guided.drives.now.position)
+        away = tuple(limits * guided.now.escape)
+        for _ in range(20):
+            guided.beat(away)
+        moved = (np.array(guided.drives.now.position) - start) @ np.array(away)
+        assert moved > 0.0
 
 
 @pytest.mark.parametrize("name", ROBOTS)

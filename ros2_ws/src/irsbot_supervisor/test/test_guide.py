@@ -171,7 +171,7 @@ def test_a_robot_under_proposed_limits_is_warned_in_time_and_stands_before_a_sto
 @pytest.mark.parametrize("name", ["irsbot2", "irsbot2_beta45", "irsbot2_strict", "five_bar", "orthoglide"])
 def test_work_far_from_singularities_is_not_even_warned(name, tmp_path):
     levels, spare, moved = run(name, "pick_and_place", 1.0, written(name, tmp_path))
-    assert {level for time_s, level in levels if time_s > 0.06} == {Level.OK}
+    assert {level for time_s, level in levels if time_s > 0.16} == {Level.OK}
     assert spare > 0.0
     assert moved > 0.0
 

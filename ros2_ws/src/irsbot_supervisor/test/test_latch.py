@@ -268,13 +268,15 @@ def test_an_old_number_does_not_end_a_new_stop():
 def test_a_latched_stop_ends_by_a_reset_with_its_number_at_rest_without_cause_and_by_nothing_else(actions):
     held = latch()
     judgements = [held.now]
+    known = True  # from the beginning, or for the dwell time; there are fewer actions than that lasts
     for ms, action in enumerate(actions, 1):
         if isinstance(action, list):
             at(held, ms, *action)
-            allowed = False
+            known, allowed = known and UNKNOWN not in action, False
         else:
             event, standing, active = action
-            allowed = event == held.now.event and standing and not any(one.level >= Level.STOP for one in active)
+            allowed = known and event == held.now.event and standing
+            allowed = allowed and not any(one.level >= Level.STOP for one in active)
             assert (held.reset(event, ms * MS, standing, active) == "") == (allowed and judgements[-1].latched)
         judgements.append(held.now)
         if judgements[-2].latched and not held.now.latched:
@@ -284,3 +286,36 @@ def test_a_latched_stop_ends_by_a_reset_with_its_number_at_rest_without_cause_an
     for before, after in pairwise(judgements):
         assert after.event - before.event in (0, 1)
         assert after.since_ns >= before.since_ns
+
+
+def test_a_branch_that_is_lost_within_a_stop_is_another_event_which_the_old_number_does_not_end():
+    held = stopped()
+    assert held.now.event == 1
+    at(held, 150, LOST)
+    assert (held.now.event, held.now.level, held.now.latched) == (2, Level.UNKNOWN, True)
+    assert held.reset(1, 300 * MS, True, [])
+    assert at(held, 400).level == Level.UNKNOWN, "no later sample brings the branch back"
+    assert held.reset(2, 500 * MS, True, []) == ""
+    assert held.now.level == Level.OK
+
+
+def test_a_branch_that_is_confirmed_where_the_robot_must_not_stay_leaves_a_stop_with_a_way_out():
+    held = latch()
+    at(held, 10, LOST, STOP)
+    assert (held.now.event, held.now.level) == (1, Level.UNKNOWN)
+    refusal = held.reset(1, 300 * MS, True, [STOP], (0.6, -0.8))
+    assert "confirmed" in refusal
+    assert (held.now.event, held.now.level, held.now.latched) == (2, Level.STOP, True)
+    assert held.now.escape == (0.6, -0.8)
+    assert held.reset(2, 301 * MS, True, [STOP])
+    assert held.reset(2, 400 * MS, True, []) == ""
+
+
+def test_data_that_was_not_good_until_just_now_is_no_good_data():
+    held = stopped()
+    at(held, 150, UNKNOWN)
+    assert "not known until just now" in held.reset(1, 151 * MS, True, [])
+    at(held, 160)
+    assert held.now.latched
+    at(held, 150 + DWELL_MS + 1)
+    assert held.reset(1, (150 + DWELL_MS + 1) * MS, True, []) == ""

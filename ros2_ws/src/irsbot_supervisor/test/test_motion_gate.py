@@ -6,15 +6,19 @@ from math import inf, nan
 
 import numpy as np
 import pytest
-from supervised import joints_of, ready, sample
+from supervised import joints_of, ready, sample, settings_of
 
+from irsbot_kinematics import Robot
 from irsbot_msgs_py.records import Level
+from irsbot_supervisor.campaign.truth import good_postures
+from irsbot_supervisor.core.assess import margins_of
 from irsbot_supervisor.core.certify import certify
 from irsbot_supervisor.core.gate import Gate
 from irsbot_supervisor.core.motion import Command, JointLimits, JointPath
 from irsbot_supervisor.core.motion_gate import GatedMotion, MotionGate, Situation
 from irsbot_supervisor.core.outlook import limits_of
 from irsbot_supervisor.core.pipeline import Supervisor
+from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.sim.trajectory import swing
 
 SAFE = (0.1, -0.8)
@@ -25,7 +29,7 @@ def situation_of(supervisor: Supervisor, **changes) -> Situation:
     view = supervisor.view
     assert view is not None
     gate = Gate(supervisor.settings, supervisor.robot.mechanism)
-    found = Situation(view.at.joints, view.velocity, gate.share(view), gate.limits(view))
+    found = Situation(view.at, view.velocity, gate.share(view), gate.limits(view))
     return found._replace(**changes)
 
 
@@ -45,6 +49,53 @@ def to(supervisor: Supervisor, goal, share: float = 0.3) -> JointPath:
 
 def command_of(path: JointPath) -> Command:
     return Command(path.times, path.positions, path.velocities)
+
+
+def followed(name: str) -> Supervisor:
+    """A supervisor whose robot has left the branch that the settings' label tells of its joints, and stands there."""
+    settings, robot = settings_of(name)
+    mechanism, rng = robot.mechanism, np.random.default_rng(2)
+    wanted = 1.3 * np.array(limits_of(settings, "warn"))
+    while True:
+        start = good_postures(robot, settings, 1, rng)[0]
+        direction = rng.uniform(-1.0, 1.0, len(start))
+        at, way = mechanism.posture(tuple(start.tolist()), settings.assembly_mode), [start]
+        while at.status == 0 and (np.array(margins_of(at)) >= wanted).all():
+            label = mechanism.posture(at.joints, settings.assembly_mode)
+            if len(way) > 40 and label.status == 0 and abs(label.pose[0] - at.pose[0]) > 1e-2:
+                return watched(robot, settings, way)
+            if len(way) > 400:
+                break
+            way.append(way[-1] + 2e-3 * direction)
+            at = mechanism.track(tuple(way[-1].tolist()), at)
+
+
+def watched(robot: Robot, settings: Settings, way: list[np.ndarray]) -> Supervisor:
+    supervisor, names, n = Supervisor(settings, robot), settings.joint_names, len(way)
+    for ms, q in enumerate([*way, *[way[-1]] * 300]):
+        velocity = (way[1] - way[0]) / 1e-3 if ms < n else np.zeros(len(q))
+        supervisor.step(sample(ms, tuple(q.tolist()), tuple(velocity.tolist()), names=names))
+    return supervisor
+
+
+@pytest.mark.parametrize("name", ["ruu4", "rrr3_base"])
+def test_a_motion_is_judged_on_the_branch_that_is_followed_not_on_that_of_a_label(name):
+    supervisor = followed(name)
+    view = supervisor.view
+    assert view is not None
+    mechanism, stop = supervisor.robot.mechanism, np.array(limits_of(supervisor.settings, "stop"))
+    rng, judged = np.random.default_rng(4), 0
+    for _ in range(8):
+        goal = np.array(view.at.joints) + 0.6 * rng.uniform(-1.0, 1.0, len(view.at.joints))
+        found = passed(supervisor, command_of(to(supervisor, goal)))
+        if found.path is None:
+            continue
+        at, judged = view.at, judged + 1
+        for t in np.linspace(0.0, found.path.duration_s, 400):
+            at = mechanism.track(found.path.at(float(t)).position, at)
+            assert at.status == 0
+            assert (np.array(margins_of(at)) >= stop).all()
+    assert judged
 
 
 def straightened(supervisor: Supervisor) -> np.ndarray:

@@ -195,7 +195,7 @@ def test_the_work_for_one_sample_is_bounded_however_near_a_limit_the_robot_is(na
     """While the outlook computes the robot goes on. Counted over approaches that need all cuts, with joints that slow
     down, so that both ways are looked at: 2 stretches and 2 more for each cut, and the postures between them."""
     settings, robot = shipped(name)
-    cuts = 4 + 8 if robot.mechanism.labels_hold else 2 + 6
+    cuts = 4 + 10
     seer, kind = Foresight(settings, robot.mechanism), type(robot.mechanism)
     calls = {"track": 0, "guarantee": 0, "guarantee_along": 0}
 

@@ -28,11 +28,21 @@ assert AT.status == Status.SOLVED
 
 
 def judge(
-    floor=GOOD, now=GOOD, *, velocity=(0.0, 0.0), degraded="", branch="", held=0, reaction=(0.0, 0.0), at=AT, **changes
+    floor=GOOD,
+    now=GOOD,
+    *,
+    velocity=(0.0, 0.0),
+    degraded="",
+    branch="",
+    held=0,
+    reaction=(0.0, 0.0),
+    at=AT,
+    steady_s=inf,
+    **changes,
 ) -> list[Finding]:
     settings = settings_of(**{**LIMITS, **changes})[0] if changes else SETTINGS
-    estimate = Estimate(1, 1, 1, AT.joints, velocity, (), degraded, 0.0, (0.0, 0.0))
-    return Policy(settings).judge(estimate, Assessment(at, now, branch), floor, reaction, held)
+    estimate = Estimate(1, 1, 1, AT.joints, velocity, (), degraded, 0.0, steady_s, (0.0, 0.0))
+    return Policy(settings, ROBOT.mechanism.joints).judge(estimate, Assessment(at, now, branch), floor, reaction, held)
 
 
 def only(findings: list[Finding]) -> Finding:
@@ -129,6 +139,23 @@ def test_a_joint_faster_than_its_limit_is_told(joint):
         for finding in findings:
             assert (finding.cause, finding.level, finding.limit) == (Cause.SPEED, Level.WARN, limit)
             assert f"joint_{joint + 1}" in finding.text
+            assert finding.unit == "rad/s"
+            assert finding.text.endswith(f"rad/s, limit {limit:g}")
+
+
+def test_soon_after_a_silence_only_where_the_robot_is_is_known():
+    """For twice `stale_s`; what the robot would meet until it stands nobody can say then."""
+    nothing, low = (0.0,) * 4, with_value(0, 0.1)
+    for steady_s in (0.0, below(0.1), nan):
+        found = only(judge(nothing, steady_s=steady_s, stale_s=0.05))
+        assert (found.cause, found.level, found.limit, found.unit) == (Cause.STALE, Level.UNKNOWN, 0.1, "s")
+        beyond = judge(nothing, low, steady_s=steady_s, stale_s=0.05)
+        assert [(one.cause, one.level) for one in beyond] == [
+            (Cause.STALE, Level.UNKNOWN),
+            (Cause.TYPE1, Level.STOP),
+        ]
+    assert judge(steady_s=0.1, stale_s=0.05) == []
+    assert {one.level for one in judge(nothing, steady_s=0.1, stale_s=0.05)} == {Level.STOP}
 
 
 def test_derived_rates_are_a_warning_and_no_rates_at_all_are_no_knowledge():

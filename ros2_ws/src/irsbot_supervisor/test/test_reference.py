@@ -22,7 +22,7 @@ def _lost() -> tuple[Supervisor, int]:
     supervisor = Supervisor(settings, robot)
     now = 1_000_000_000
     there, here = robot.inverse((0.0, -0.8)), robot.inverse(POSE)
-    for cycle in range(300):
+    for cycle in range(350):
         now += MS
         q = tuple((there if cycle < 100 else here).tolist())
         supervisor.step(JointSample(now, now, now, settings.joint_names, q, (0.0, 0.0), ()))

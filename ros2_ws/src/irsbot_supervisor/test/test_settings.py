@@ -34,6 +34,11 @@ def test_what_is_no_number_or_out_of_range_is_refused_by_name(value):
         assert faults[entry.name].startswith((repr(value), repr((0.1,)))), entry.name
 
 
+@pytest.mark.parametrize("values", [[nan, nan], [2e4, 2e4]])
+def test_a_fault_that_every_joint_has_is_said_once(values):
+    assert refused(velocity_limit=values).count("velocity_limit") == 1
+
+
 @pytest.mark.parametrize("entry", SINGLE, ids=lambda entry: entry.name)
 def test_both_ends_of_a_range_belong_to_it_and_what_is_beyond_does_not(entry):
     low, high = entry.metadata["low"], entry.metadata["high"]

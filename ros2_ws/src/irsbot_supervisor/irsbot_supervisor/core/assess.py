@@ -46,6 +46,7 @@ class Assessor:
         self._assembly = settings.assembly_mode
         self._lost = ""
         self._before: Posture | None = None  # where the branch was seen last, if labels alone do not tell it
+        self._gaps: Floats = ()  # of the last sample
         self.configure(settings)
 
     def configure(self, settings: Settings) -> None:
@@ -53,10 +54,10 @@ class Assessor:
         lever = max(self._mechanism.length_m if joint.is_angle else 1.0 for joint in self._mechanism.joints)
         self._contact = CONTACT_TOL_M + lever * settings.encoder_offset + settings.geometry_tolerance_m
 
-    def assess(self, joints: Floats, lost_track: bool) -> Assessment:
-        """The posture of joint positions. A posture that is not assembled has NaN margins."""
-        if lost_track:
-            self._lost = self._lost or "a joint jumped farther than it can move"
+    def assess(self, joints: Floats, lost_track: str) -> Assessment:
+        """The posture of joint positions. A posture that is not assembled has NaN margins. lost_track: why nobody
+        knows the branch from now on, or empty."""
+        self._lost = self._lost or lost_track
         return self._judged(joints, lasting=True)
 
     @property
@@ -77,7 +78,7 @@ class Assessor:
     def _judged(self, joints: Floats, lasting: bool, at: Posture | None = None) -> Assessment:
         at = at or self._posture(joints)
         fault = self._lost if lasting else ""
-        if not (at.status == SOLVED and min(at.gaps) > self._contact):
+        if not (at.status == SOLVED and min(at.gaps) > self._contact) or (lasting and self._has_touched(at.gaps)):
             # Between assembled and not assembled lies contact: nobody passes from one to the other without it.
             fault = fault or f"the robot touched a Type 2 singularity (gap {min(at.gaps):.2e} m)"
             if lasting:
@@ -89,6 +90,12 @@ class Assessor:
         if lasting and not self._mechanism.labels_hold:
             self._before = at
         return Assessment(at, margins_of(at), fault)
+
+    def _has_touched(self, gaps: Floats) -> bool:
+        """Whether a gap may have been closed between two samples: it is no larger than half of what it changed by."""
+        before, self._gaps = self._gaps, gaps
+        contact = self._contact
+        return any(not gap - 0.5 * abs(gap - last) > contact for gap, last in zip(gaps, before, strict=False))
 
     def _posture(self, joints: Floats) -> Posture:
         if self._before is None or self._lost:

@@ -10,6 +10,7 @@ import numpy as np
 from irsbot_kinematics import Robot, Status
 from irsbot_kinematics.arithmetic import Array
 from irsbot_kinematics.batch import inverse_many
+from irsbot_kinematics.requests import solve_direct
 from irsbot_msgs_py.records import Cause
 from irsbot_supervisor.core.certify import Certificate, Violation, certify
 from irsbot_supervisor.core.motion import BadTrajectory
@@ -33,8 +34,9 @@ def certify_poses(
 ) -> Certificate:
     """Certify a path of the platform, straight between poses, in the configured working mode.
 
-    times_s: (N,) s, increasing. poses: (N, m) m or rad, task coordinates. assembly_mode: as in `certify`. A pose that
-    cannot be reached is a violation. Raises BadTrajectory.
+    times_s: (N,) s, increasing. poses: (N, m) m or rad, task coordinates. A pose that cannot be reached is a violation.
+    assembly_mode: in which the path must begin; 0: the settings', or, where labels do not tell the branch, the one
+    that the first pose tells. Raises BadTrajectory.
     """
     mechanism = robot.mechanism
     times, points = _dense(robot, times_s, poses)
@@ -51,10 +53,18 @@ def certify_poses(
         text = f"the pose ({where}) at {times[last]:.4f} s is unreachable by {-float(reach[last]) * 1e3:.2f} mm"
         no_joints = (nan,) * len(mechanism.joints)
         beyond = Violation(float(times[last]), int(Cause.TYPE1), float(reach[last]), 0.0, no_joints, pose, text)
+    nothing = ((inf, 0.0),) * len(KINDS)
     if last == 0:
         assert beyond is not None
-        return Certificate(beyond, ((inf, 0.0),) * len(KINDS))
-    found = certify(robot, settings, times[:last].tolist(), joints[:last].tolist(), assembly_mode=assembly_mode)
+        return Certificate(beyond, nothing)
+    first, pose = tuple(joints[0].tolist()), tuple(points[0].tolist())
+    label = solve_direct(robot, first, 0, pose).assembly_mode[0]
+    wanted = assembly_mode or (settings.assembly_mode if mechanism.labels_hold else label)
+    if label != wanted and wanted in mechanism.assembly_modes:
+        text = f"the path begins in assembly mode {label:+d}, not in {wanted:+d}"
+        violation = Violation(float(times[0]), int(Cause.BRANCH), nan, nan, first, pose, text)
+        return Certificate(violation, nothing)
+    found = certify(robot, settings, times[:last].tolist(), joints[:last].tolist(), assembly_mode=wanted)
     return found if found.violation is not None else found._replace(violation=beyond)
 
 

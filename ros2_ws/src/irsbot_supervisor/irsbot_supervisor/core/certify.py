@@ -62,14 +62,16 @@ def certify(
     velocities: Sequence[Sequence[float]] = (),
     assembly_mode: int = 0,
     limits: Margins | None = None,
+    begin: Posture | None = None,
 ) -> Certificate:
     """Certify a motion. times_s: (N,) s, increasing. positions: (N, n) rad or m. velocities: (N, n) or empty.
 
     assembly_mode: of the start; 0: the settings'. limits: what the margins must keep; the stop limits if left out.
-    Raises BadTrajectory.
+    begin: a posture near the start on the branch in which the motion begins, where that is known better than by a
+    label. Raises BadTrajectory.
     """
     motion = _Motion(len(robot.mechanism.joints), times_s, positions, velocities)
-    return _Walk(robot, settings, motion, assembly_mode, limits or limits_of(settings, "stop")).walk()
+    return _Walk(robot, settings, motion, assembly_mode, limits or limits_of(settings, "stop"), begin).walk()
 
 
 class _Motion:
@@ -136,7 +138,15 @@ class _Motion:
 class _Walk:
     """Goes along a motion, stretch by stretch."""
 
-    def __init__(self, robot: Robot, settings: Settings, motion: _Motion, assembly_mode: int, limits: Margins) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        settings: Settings,
+        motion: _Motion,
+        assembly_mode: int,
+        limits: Margins,
+        begin: Posture | None,
+    ) -> None:
         self._mechanism = robot.mechanism
         self._assembly = assembly_mode or settings.assembly_mode
         if self._assembly not in self._mechanism.assembly_modes:
@@ -147,7 +157,7 @@ class _Walk:
         self._error = position_error(settings)
         self._slack_m = settings.geometry_tolerance_m
         self._minima = [(inf, 0.0)] * len(KINDS)
-        self._here: Posture | None = None  # at the end of what is settled
+        self._here = begin  # at the end of what is settled
 
     def walk(self) -> Certificate:
         """The certificate of the whole motion."""
@@ -221,12 +231,17 @@ class _Walk:
         return True
 
     def _violation(self, at: Posture, floor: Margins, time_s: float) -> Violation:
-        now = margins_of(at) if at.status == Status.SOLVED else floor
+        now, sure = floor, floor
+        if at.status == Status.SOLVED:  # what is certain of this posture, whatever the box around it leaves open
+            errors = [self._error] * len(at.joints)
+            now, sure = margins_of(at), floor_of(self._mechanism.guarantee(at, errors, self._slack_m))
         lack = [value - limit for value, limit in zip(floor, self._stop, strict=True)]
         kind = lack.index(min(lack))
         limit = self._stop[kind]
-        errors = (
-            "" if now[kind] < limit else f", {now[kind] - floor[kind]:.2g} less with errors of encoders and geometry"
-        )
-        text = f"{WORDS[KINDS[kind]]} {now[kind]:.4f} at {time_s:.4f} s{errors}, limit {limit:.4f}"
+        why = ""
+        if now[kind] >= limit:
+            why = f", {now[kind] - sure[kind]:.2g} less with errors of encoders and geometry"
+            if sure[kind] - floor[kind] > now[kind] - sure[kind]:  # the shortest part of the motion is too long
+                why = ", cannot be bounded until the next moment"
+        text = f"{WORDS[KINDS[kind]]} {now[kind]:.4f} at {time_s:.4f} s{why}, limit {limit:.4f}"
         return Violation(time_s, int(KINDS[kind]), now[kind], limit, at.joints, at.pose, text)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections import deque
-from math import copysign, inf, isfinite, nan, remainder, tau
+from math import copysign, inf, isfinite, nan, remainder
 from operator import sub
 from typing import NamedTuple
 
 from irsbot_kinematics.mechanism import Coordinate
 from irsbot_msgs_py.records import Cause, Floats
+from irsbot_supervisor.core.arrivals import Gaps, SecondLargest
 from irsbot_supervisor.core.intake import OVERSPEED, Accepted, Rejected, S
 from irsbot_supervisor.core.settings import Settings
 
@@ -24,12 +25,26 @@ FROZEN_S = 0.02
 """s: a position that stands still this long while the message reports motion is frozen. Filtered velocities lag behind
 less, so that what they report after a stop is less than a joint at full braking goes in this time."""
 
+RESTED_S = 1.0
+"""s: an encoder that was frozen and still stands although the message has reported rest for so long may be sound, as
+after a stop that was faster than the filter of the velocities; or it may not. An operator can look."""
+
 CREEP = 0.02
 """1: share of the velocity limit. What a message reports beyond it `stale_s` after the position came to a stand is no
 lag of a filter either, however slow the motion was: old positions are no better than none."""
 
+SHORTEST = 0.25
+"""1: speeding up counts as the mean over the latency or, if that is more, over its last half or this last part."""
+
 JUDGING_S = 0.005
 """s: judging a sample takes no longer, if there is so much time between two: the work for one sample is bounded."""
+
+LEAD_NS = 10 * S
+"""ns for which it is remembered at least that a sender's clock is ahead of ours."""
+
+JITTER_S = 0.0005
+"""s by which a stamp may be off without saying that a joint jumped, as far as the message says that the joint moves:
+senders without real time stamp late at times."""
 
 
 class Estimate(NamedTuple):
@@ -43,6 +58,7 @@ class Estimate(NamedTuple):
     effort: Floats  # N m or N; empty when not measured
     degraded: str  # empty, or why rates were derived from the positions
     ahead_s: float  # s that the robot goes on unseen: the age of the sample, and until the next has been judged
+    steady_s: float  # s for which samples have come without a silence; infinite if there was none
     acceleration: Floats  # rad/s2 or m/s2, over the last latency; 0 where that is not known, at most what drives can
 
 
@@ -50,19 +66,26 @@ class Estimator:
     """Keeps the last good sample. Angles are compared modulo a turn."""
 
     def __init__(self, settings: Settings, joints: tuple[Coordinate, ...]) -> None:
-        self._turns = tuple(tau if joint.is_angle else inf for joint in joints)
+        self._turns = tuple(joint.turn for joint in joints)
+        self._units = tuple(joint.unit for joint in joints)
         self._names = settings.joint_names
+        self._gaps, self._leads = Gaps(), SecondLargest()
         self.configure(settings)
         self._last: Estimate | None = None
+        self._before: Estimate | None = None  # the one before the last
         self._astray: Accepted | None = None
-        self._interval_s = inf
         self._past: deque[tuple[int, Floats]] = deque()  # stamps and velocities, over the latency
-        self._stuck: dict[int, tuple[float, int]] = {}  # joint: way reported while it stood still, and since when
-        self.lost_track = False
-        """A jump that no motion explains has happened and was then confirmed: the branch is not known any more."""
+        self._derived = False  # whether those are differences of positions
+        # Joint: the way that was reported while it stood still, where that began, and since when; of a frozen one
+        # infinite, where it froze, and since when the message reports rest.
+        self._stuck: dict[int, tuple[float, float, int]] = {}
+        self.lost_track = ""
+        """Why the branch is not known any more: a jump that no motion explains was confirmed, an encoder was frozen."""
 
     def configure(self, settings: Settings) -> None:
-        """New limits; the last sample stays known."""
+        """New limits; the last sample, and when samples have come, stay known."""
+        self._gaps.configure(settings.stale_s)
+        self._longest_s = settings.stale_s
         self._fastest = tuple(OVERSPEED * speed for speed in settings.velocity_limit)
         self._creep = tuple(CREEP * speed for speed in settings.velocity_limit)
         self._doubt = tuple(DISAGREEMENT * speed for speed in settings.velocity_limit)
@@ -76,29 +99,42 @@ class Estimator:
     def update(self, sample: Accepted) -> Estimate | Rejected:
         """The estimate for a sample, or why the sample contradicts the motion so far."""
         last = self._last
-        dt = (sample.stamp_ns - last.stamp_ns) / S if last is not None else 0.0
         if last is None:
             return self._start(sample)
+        dt, passed_s = (sample.stamp_ns - last.stamp_ns) / S, (sample.seen_ns - last.seen_ns) / S
         moved = self._difference(sample.position, last.position)
         if dt <= 0.0:  # the sender's clock was set back: by ours, has there been time for this way?
-            self.lost_track = bool(self._jump(moved, (sample.seen_ns - last.seen_ns) / S))
-            return self._start(sample)
-        velocity, degraded = sample.velocity, ""
+            self._lose_track(moved, passed_s)
+            return self._start(sample, passed_s)
+        velocity, degraded, told, stamped_s = sample.velocity, "", sample.velocity, dt
         if self._astray is not None or self._stuck or not self._ordinary(moved, velocity, dt):
-            if fault := self._jumped(sample, last, moved, dt):
-                passed_s = (sample.seen_ns - last.seen_ns) / S
-                if sample.seen_ns - last.seen_ns > self._stale_ns:  # not a glitch: it stays there
-                    self.lost_track = self._astray is not None or bool(
-                        self._jump(moved, passed_s)
-                    )  # or a clock was set
-                    return self._start(sample)
+            sure = self._astray is None
+            fault = self._jumped(sample, last, moved, dt)
+            change = self._change(moved, dt, last.velocity)
+            odd = fault or (change > 1.0 and not self._stuck)
+            if sure and odd and (before := self._gone_on(sample, 0.5 * change)):
+                self._astray, self._before, self._last, last, fault = None, None, before, before, ""
+                self._past.pop()
+                dt = (sample.stamp_ns - last.stamp_ns) / S
+                moved = self._difference(sample.position, last.position)
+                change = self._change(moved, dt, last.velocity)
+            if fault and sample.seen_ns - last.seen_ns > self._stale_ns:
+                self._lose_track(moved, passed_s)  # not a glitch: it stays there, or a clock was set
+                return self._start(sample, passed_s)
+            if fault:
                 return Rejected(Cause.IMPLAUSIBLE, fault)
-            if (0.0 in moved or self._stuck) and (fault := self._frozen(sample, moved, dt)):
+            stands = any(-self._step <= step <= self._step for step in moved)
+            if (stands or self._stuck) and (fault := self._frozen(sample, moved, dt)):
                 return Rejected(Cause.IMPLAUSIBLE, fault)
-            velocity, degraded = self._believe(velocity, tuple([step / dt for step in moved]), dt)
-        expected, self._interval_s = min(dt, self._interval_s), dt  # one gap does not announce another
+            by_stamps = inf if dt > self._longest_s else change
+            if by_stamps > 1.0 and self._was_set(moved, passed_s, last.velocity, 0.5 * by_stamps):
+                dt = stamped_s = passed_s
+            velocity, told, degraded = self._believe(velocity, tuple([step / dt for step in moved]), dt)
+        expected = self._gaps.expected(sample.seen_ns, passed_s, stamped_s)
         ahead_s = expected + min(expected, JUDGING_S)  # until the next one has come and been judged
-        return self._keep(sample, velocity, degraded, ahead_s + 0.5 * expected if degraded else ahead_s)  # they lag
+        if degraded:
+            ahead_s += 0.5 * min(dt, self._longest_s)  # differences lag
+        return self._keep(sample, velocity, degraded, ahead_s, told)
 
     def _ordinary(self, moved: Floats, velocity: Floats, dt: float) -> bool:
         """Whether every joint moves, no farther than it can and as it reports: then all that follows has no objection.
@@ -112,18 +148,20 @@ class Estimator:
                 return False
         return bool(velocity)
 
-    def _start(self, sample: Accepted) -> Estimate:
+    def _start(self, sample: Accepted, passed_s: float = 0.0) -> Estimate:
         count = len(self._names)
-        self._astray, self._interval_s, self._stuck = None, inf, {}
+        self._gaps.expected(sample.seen_ns, passed_s, passed_s)
+        self._astray, self._stuck = None, {}
         self._past.clear()
         usable = len(sample.velocity) == count and all(map(isfinite, sample.velocity))
         if usable:
-            return self._keep(sample, sample.velocity, "", 0.0)
-        return self._keep(sample, (nan,) * count, "the first sample has no velocities", 0.0)
+            return self._keep(sample, sample.velocity, "", 0.0, sample.velocity)
+        nothing = (nan,) * count
+        return self._keep(sample, nothing, "the first sample has no velocities", 0.0, nothing)
 
     def _jumped(self, sample: Accepted, last: Estimate, moved: Floats, dt: float) -> str:
         """Why the positions cannot have moved like this, or empty."""
-        if fault := self._jump(moved, dt):
+        if fault := self._jump(moved, dt, sample.velocity):
             if self._jump(moved, ASTRAY * max(dt, (sample.seen_ns - last.seen_ns) / S)):  # a wrong stamp is no jump
                 self._astray = sample
             return fault
@@ -136,61 +174,121 @@ class Estimator:
         self._astray = sample
         return "the positions stay where they jumped"
 
+    def _gone_on(self, sample: Accepted, most: float) -> Estimate | None:
+        """The estimate before the last, if the sample goes on from there as it moved then: it was the last one that
+        was stamped late, by a sender that was interrupted between reading and stamping. most: change of the rates that
+        this is worth."""
+        before = self._before
+        if before is None or not all(map(isfinite, before.velocity)):
+            return None
+        dt = (sample.stamp_ns - before.stamp_ns) / S
+        if not 0.0 < dt <= self._longest_s:
+            return None
+        moved = self._difference(sample.position, before.position)
+        if self._jump(moved, dt, sample.velocity) or not self._change(moved, dt, before.velocity) < most:
+            return None
+        for step, rate, brake in zip(moved, before.velocity, self._brake, strict=True):
+            if not abs(step - rate * dt) <= 0.5 * brake * dt * dt + abs(rate) * JITTER_S + self._step:
+                return None
+        return before
+
+    def _was_set(self, moved: Floats, passed_s: float, before: Floats, most: float) -> bool:
+        """Whether the sender's clock was set: where by its stamps there was a silence that was none, or the joints come
+        to other rates, by our clock they nearly keep theirs. most: change of the rates that is near enough."""
+        return passed_s > 0.0 and self._change(moved, passed_s, before) < min(most, 2.0)
+
+    def _change(self, moved: Floats, span_s: float, before: Floats) -> float:
+        """1: the largest change of a rate, over the doubt about it, if the joints moved so far in this time."""
+        joints = zip(moved, before, self._doubt, strict=True)
+        return max(abs(step / span_s - rate) / (doubt + self._step / span_s) for step, rate, doubt in joints)
+
+    def _lose_track(self, moved: Floats, passed_s: float) -> None:
+        """If a joint stays where it jumped, or cannot have gone so far in the time that has passed."""
+        if self._astray is not None or self._jump(moved, passed_s):
+            self.lost_track = "a joint jumped farther than it can move"
+
     def _off(self, sample: Accepted, before: Estimate | Accepted, rates: Floats) -> float:
         """s of fastest motion between where a sample is and where it would be, had the motion before gone on."""
         dt = (sample.stamp_ns - before.stamp_ns) / S
         moved = self._difference(sample.position, before.position)
         return max(abs(step - rate * dt) / v for step, rate, v in zip(moved, rates, self._fastest, strict=True))
 
-    def _jump(self, moved: Floats, dt: float) -> str:
-        for name, step, fastest in zip(self._names, moved, self._fastest, strict=True):
-            if not abs(step) <= fastest * dt + self._step:
-                return f"joint '{name}' jumped by {step:.4g} in {dt * 1e3:.3g} ms"
+    def _jump(self, moved: Floats, dt: float, said: Floats = ()) -> str:
+        """Why no joint moves so far in this time. said: its rate, if the message tells: then a stamp may be off."""
+        rates = said or self._steady
+        joints = zip(self._names, self._units, moved, rates, self._fastest, strict=True)
+        for name, unit, step, rate, fastest in joints:
+            way = max(fastest * dt, min(OVERSPEED * abs(rate), fastest) * (dt + JITTER_S))
+            if not abs(step) <= way + self._step:
+                return f"joint '{name}' jumped by {step:.4g} {unit} in {dt * 1e3:.3g} ms"
         return ""
 
     def _frozen(self, sample: Accepted, moved: Floats, dt: float) -> str:
-        """Which joint stands still although the message has reported one long motion; until it moves."""
+        """Which joint stands still although the message has reported one long motion; until it moves, or the message
+        has reported rest for so long that an operator can look where it is."""
         limits = zip(self._brake, self._creep, self._fastest, strict=True)
         for k, (step, said, (brake, creep, fastest)) in enumerate(zip(moved, sample.velocity, limits, strict=False)):
-            way, since_ns = self._stuck.pop(k, (0.0, sample.seen_ns))
+            now, now_ns = sample.position[k], sample.seen_ns
+            way, where, since_ns = self._stuck.pop(k, (0.0, now - step, now_ns))
+            if abs(remainder(now - where, self._turns[k])) > self._step:  # more than a flickering digit: it moves
+                continue
+            moves = self._slow < abs(said) < inf
+            if way == inf:
+                if moves:
+                    since_ns = now_ns
+                if now_ns - since_ns > RESTED_S * S:
+                    self.lost_track = f"joint '{self._names[k]}' may have moved while its position was frozen"
+                    continue
+                self._stuck[k] = way, where, since_ns
+                return self._freezing(k)
             most = 0.5 * brake * FROZEN_S * FROZEN_S + self._step
-            if step == 0.0 and abs(way) <= most:
-                going = said * way >= 0.0 and self._slow < abs(said) < inf
-                way = way + max(-fastest, min(said, fastest)) * dt if going else 0.0
-            if step == 0.0 and way != 0.0:
-                self._stuck[k] = way, since_ns
-                still_ns = sample.seen_ns - since_ns
+            if abs(way) <= most:
+                way = way + max(-fastest, min(said, fastest)) * dt if moves and said * way >= 0.0 else 0.0
+            if way != 0.0:
+                self._stuck[k] = way, where, since_ns
+                still_ns = now_ns - since_ns
                 far = abs(way) > most and still_ns > FROZEN_S * S
                 if far or (abs(way) > self._step and abs(said) > creep and still_ns > self._stale_ns):
-                    self._stuck[k] = copysign(inf, way), since_ns  # until it moves, whatever is reported
-                    return f"the position of joint '{self._names[k]}' is frozen while the message reports motion"
+                    self._stuck[k] = inf, where, now_ns
+                    return self._freezing(k)
         return ""
 
-    def _believe(self, velocity: Floats, rates: Floats, dt: float) -> tuple[Floats, str]:
-        """The rates as reported where the positions agree; never slower than the positions prove."""
+    def _freezing(self, k: int) -> str:
+        return f"the position of joint '{self._names[k]}' is frozen while the message reports motion"
+
+    def _believe(self, velocity: Floats, rates: Floats, dt: float) -> tuple[Floats, Floats, str]:
+        """The rates as reported where the positions agree, never slower than the positions prove; the same without
+        what they prove, which changes with every stamp that is a little off; and what is wrong."""
         if not velocity:
-            return rates, "the message has no velocities"
-        believed, degraded = [], ""
+            return rates, rates, "the message has no velocities"
+        believed, told, degraded = [], [], ""
         step = self._step / dt
-        limits = zip(self._doubt, self._brake, self._fastest, strict=True)
-        for name, said, seen, (doubt, brake, fastest) in zip(self._names, velocity, rates, limits, strict=True):
+        joints = zip(self._names, self._units, self._doubt, self._brake, self._fastest, strict=True)
+        for (name, unit, doubt, brake, fastest), said, seen in zip(joints, velocity, rates, strict=True):
             if abs(said - seen) <= doubt + brake * dt + step:
                 least = abs(seen) - 0.5 * brake * dt - step
                 proven = (said if seen >= 0.0 else -said) >= least
                 believed.append(said if proven else copysign(least, seen))
+                told.append(said)
                 continue
             # What stands still may be frozen: then the motion that is reported is the safe assumption, if it is one.
-            believed.append(said if seen == 0.0 and abs(said) <= fastest else seen)
+            believed.append(said if abs(seen) <= step and abs(said) <= fastest else seen)
+            told.append(believed[-1])
             if isfinite(said):
-                fault = f"joint '{name}' reports {said:.4g} but its position moves at {seen:.4g}"
+                fault = f"joint '{name}' reports {said:.4g} {unit}/s but its position moves at {seen:.4g} {unit}/s"
             else:
                 fault = f"the velocity of joint '{name}' is {said}"
             degraded = degraded or fault
-        return tuple(believed), degraded
+        return tuple(believed), tuple(told), degraded
 
-    def _keep(self, sample: Accepted, velocity: Floats, degraded: str, expected_s: float) -> Estimate:
+    def _keep(self, sample: Accepted, velocity: Floats, degraded: str, expected_s: float, told: Floats) -> Estimate:
         age = sample.received_ns - sample.stamp_ns
-        acceleration = self._acceleration(sample.stamp_ns, velocity)
+        if age < 0 or self._leads.any:  # a sender whose clock is ahead: its samples are older than they say
+            age += round(self._leads.second(sample.seen_ns, max(-age, 0), LEAD_NS))
+        if bool(degraded) != self._derived:  # rates of two kinds do not tell an acceleration
+            self._derived = bool(degraded)
+            self._past.clear()
+        acceleration = self._acceleration(sample.stamp_ns, told)
         estimate = Estimate(
             sample.stamp_ns,
             sample.received_ns,
@@ -200,29 +298,34 @@ class Estimator:
             sample.effort,
             degraded,
             expected_s + (age / S if age > 0 else 0.0),
+            self._gaps.steady_s(sample.seen_ns),
             acceleration,
         )
-        self._last = estimate
+        self._before, self._last = self._last, estimate
         return estimate
 
     def _acceleration(self, stamp_ns: int, velocity: Floats) -> Floats:
-        """Mean over the time that the outlook looks ahead. Over one sample a small step of a command, or the noise of
-        a velocity, would count as many times as there are samples in that time."""
+        """Mean over the time that the outlook looks ahead, or over its last half or quarter where a joint speeds up
+        more in these: what has just begun is not thinned out. Over one sample a small step of a command, or the noise
+        of a velocity, would count as many times as there are samples in that time."""
         past = self._past
         while len(past) > 1 and stamp_ns - past[1][0] >= self._horizon_ns:
             past.popleft()
         acceleration = self._steady
-        if past and past[0][1] != velocity:
-            dt = (stamp_ns - past[0][0]) / S
-            pairs = zip(velocity, past[0][1], self._brake, strict=True)
-            acceleration = tuple([_within((now - then) / dt, most) for now, then, most in pairs])
+        if past and not past[0][1] == past[-1][1] == velocity:
+            spans = past[0], past[-max(len(past) // 2, 1)], past[-max(len(past) // 4, 1)]
+            per, per_half, per_quarter = [S / (stamp_ns - then_ns) for then_ns, _before in spans]
+            found = []
+            for now, most, a, b, c in zip(velocity, self._brake, *[before for _ns, before in spans], strict=True):
+                mean = (now - a) * per
+                for later in ((now - b) * per_half, (now - c) * per_quarter):
+                    if later * now > 0.0 and abs(later) > mean * now / abs(now):
+                        mean = later
+                # Drives speed up no faster than they brake; what is not known counts as none.
+                found.append(mean if -most <= mean <= most else copysign(most, mean) if mean == mean else 0.0)
+            acceleration = tuple(found)
         past.append((stamp_ns, velocity))
         return acceleration
 
     def _difference(self, now: Floats, before: Floats) -> Floats:
         return tuple(map(remainder, map(sub, now, before), self._turns))
-
-
-def _within(value: float, most: float) -> float:
-    """Drives speed up no faster than they brake; what is not known counts as none."""
-    return min(max(value, -most), most) if isfinite(value) else 0.0

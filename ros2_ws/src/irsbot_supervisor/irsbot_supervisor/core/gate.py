@@ -9,14 +9,16 @@ gives back what was gained. In doubt the answer is to hold.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from math import inf, isfinite
+from math import copysign, inf, isfinite
 from typing import NamedTuple
 
 from irsbot_kinematics import Mechanism, Posture
 from irsbot_msgs_py.records import Floats, Level
 from irsbot_supervisor.core.assess import Margins, margins_of, slopes
+from irsbot_supervisor.core.estimator import SHORTEST
+from irsbot_supervisor.core.intake import S
 from irsbot_supervisor.core.latch import Judgement
-from irsbot_supervisor.core.outlook import Foresight, floor_of, limits_of, position_error
+from irsbot_supervisor.core.outlook import Foresight, floor_of, limits_of, lowest, position_error
 from irsbot_supervisor.core.policy import KINDS, WORDS
 from irsbot_supervisor.core.settings import Settings
 
@@ -38,6 +40,9 @@ STEP = 1.25
 LEAST = 0.01
 """1: smaller shares of a command are none."""
 
+NOTHING_GAINED: Margins = (-inf, -inf, -inf, -inf)
+"""What has to be kept of the margins on a way out that has not begun."""
+
 
 class View(NamedTuple):
     """What is known of the robot now."""
@@ -46,6 +51,11 @@ class View(NamedTuple):
     velocity: Floats  # rad/s or m/s
     ahead_s: float  # age of the sample, and until the next can be expected
     judgement: Judgement
+    seen_ns: int  # when the sample came, steady clock
+
+    def aged(self, now_ns: int) -> View:
+        """The same at a later time: what is known is older by then."""
+        return self._replace(ahead_s=self.ahead_s + max(now_ns - self.seen_ns, 0) / S)
 
 
 class Allowed(NamedTuple):
@@ -60,9 +70,10 @@ class Gate:
 
     def __init__(self, settings: Settings, mechanism: Mechanism) -> None:
         self._mechanism = mechanism
-        self._best: Margins = (-inf, -inf, -inf, -inf)  # since a stop, or since the gate's limit was crossed
+        self._best = NOTHING_GAINED  # since the robot stood after a stop, or since the gate's limit was crossed
         self._along = self._inward = 1.0  # shares of the last command that were allowed
         self._kind = 0  # the margin that limited it
+        self._stood = False  # since the stop that is in force
         self._last: Floats = ()  # what was asked for
         self.configure(settings)
 
@@ -70,9 +81,10 @@ class Gate:
         """New limits; how far a robot has come out of a stop stays known."""
         self._foresight = Foresight(settings, self._mechanism)
         self._speed = settings.velocity_limit
+        self._slow = settings.standstill_speed
         self._share = settings.recovery_share
         self._lag_s = LAG_BEATS * settings.heartbeat_s
-        self._gains = tuple([brake * settings.latency_s for brake in settings.deceleration_limit])
+        self._brakes, self._latency = settings.deceleration_limit, settings.latency_s
         self._keep = _raised(limits_of(settings, "stop"))
         self._error = (position_error(settings),) * len(settings.velocity_limit)
         self._slack_m = settings.geometry_tolerance_m
@@ -95,18 +107,22 @@ class Gate:
         return Allowed(kept, f"{'limited by' if any(kept) else 'held:'} the {WORDS[KINDS[self._kind]]}")
 
     def share(self, view: View | None) -> float:
-        """Share of the speed limits that a command may use now; 0 means hold."""
+        """Share of the speed limits that a command may use now; 0 means hold. After a STOP the robot has to stand
+        first: the way out begins there, and what is lost of a margin while it brakes was never gained."""
         if view is None:
             return 0.0
         level = view.judgement.level
-        if level in (Level.OK, Level.WARN):
-            return view.judgement.speed_scale
-        return self._share if level == Level.STOP else 0.0
+        if level == Level.STOP:
+            if not self._stood and all(abs(rate) <= self._slow for rate in view.velocity):
+                self._stood, self._best = True, NOTHING_GAINED
+            return self._share if self._stood else 0.0
+        self._stood = False
+        return view.judgement.speed_scale if level < Level.STOP else 0.0
 
     def limits(self, view: View) -> Margins:
         """What the margins must keep along a motion from here: the gate's limits, or, on the way out, what was gained.
 
-        To be asked for every motion: the best margins since a stop are remembered here.
+        To be asked for every motion, after the share: the best margins since a stop are remembered here.
         """
         reach = self._mechanism.guarantee(view.at, self._error, self._slack_m)
         stopped_by = view.judgement.causes if view.judgement.level == Level.STOP else 0
@@ -127,25 +143,31 @@ class Gate:
         """Which margin cannot be kept at these rates; None if all can."""
         if not any(rates):
             return None
-        # Judged as the supervisor will judge it; a way out, whose limits lie where the robot is, needs sharper bounds.
-        wanted = limits if view.judgement.level == Level.STOP else None
-        seen = tuple(map(self._seen, rates, view.velocity, self._gains))
-        # Joints that brake each by itself leave the way, sooner braking elsewhere than later: both must be safe.
+        # Judged as the supervisor will judge it, which stops no robot twice; but a way out, whose limits lie where the
+        # robot is, needs sharper bounds.
+        leaves = view.judgement.level == Level.STOP
+        wanted, seen = (limits, rates) if leaves else (None, self._seen(rates, view))
+        # Joints that brake each by itself leave the way, sooner braking elsewhere than later: both must be safe. So
+        # must be one joint that still speeds up when the others have done so.
         later = self._foresight.foresee(view.at, seen, view.ahead_s + self._lag_s, wanted)
-        sooner = self._foresight.foresee(view.at, seen, view.ahead_s, wanted)
-        floor = tuple(map(min, later, sooner))
+        alone = [(*rates[:j], fast, *rates[j + 1 :]) for j, fast in enumerate(seen) if fast != rates[j]]
+        sooner = [self._foresight.foresee(view.at, each, view.ahead_s, wanted) for each in (seen, *alone)]
+        floor = lowest([later, *sooner])
         if all(have >= want for have, want in zip(floor, limits, strict=True)):
             return None
         now = margins_of(view.at)  # where nothing can be bounded, the nearest limit speaks
         lack = [(have - want, have_now - want) for have, have_now, want in zip(floor, now, limits, strict=True)]
         return lack.index(min(lack))
 
-    @staticmethod
-    def _seen(rate: float, now: float, gain: float) -> float:
-        """What the supervisor will take a commanded rate for while the joint gets there: joints that speed up count as
-        if they went on doing so for the latency."""
-        more = min(max(rate - now, -gain), gain)
-        return rate + more if more * rate > 0.0 else rate
+    def _seen(self, rates: Floats, view: View) -> Floats:
+        """What the supervisor will take commanded rates for while the joints get there: joints that speed up count as
+        if they went on doing so until the brakes act, if they do so for a part of the latency."""
+        delay_s, seen = self._latency + view.ahead_s, []
+        for rate, now, brake in zip(rates, view.velocity, self._brakes, strict=True):
+            change, gain, soon = rate - now, brake * delay_s, brake * self._latency * SHORTEST
+            more = change * gain / soon if abs(change) < soon else copysign(gain, change)
+            seen.append(rate + more if change * rate > 0.0 else rate)
+        return tuple(seen)
 
     def _kept(self, view: View, rates: Floats, share: float, limits: Margins) -> Floats:
         """The part of the rates that keeps the limits. All of a new command is tried; else the search begins with what

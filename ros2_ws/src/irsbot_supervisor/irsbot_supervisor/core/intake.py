@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import isfinite
+from math import isfinite, remainder
 from operator import itemgetter
 from typing import NamedTuple
 
+from irsbot_kinematics.mechanism import Coordinate
 from irsbot_msgs_py.records import Cause, Floats, JointSample
 from irsbot_supervisor.core.settings import Settings
 
@@ -47,7 +48,9 @@ class Rejected(NamedTuple):
 class Intake:
     """Sorts samples into accepted and rejected; remembers the order of names and the newest stamp."""
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings, joints: tuple[Coordinate, ...]) -> None:
+        self._turns = tuple(joint.turn for joint in joints)
+        self._units = tuple(joint.unit for joint in joints)
         self.configure(settings)
         self._names: tuple[str, ...] | None = None
         self._pick: Callable[[Floats], Floats] = tuple
@@ -113,17 +116,20 @@ class Intake:
         # A stamp that is merely repeated never becomes news.
         if stamp < self._stamp_ns and seen - self._seen_ns > self._stale_ns:
             return None
-        if stamp == self._stamp_ns and (fault := self._contradiction(seen, position)):
+        if fault := self._contradiction(stamp, seen, position):
             return Rejected(Cause.IMPLAUSIBLE, fault)
         return Rejected(Cause.STAMP, "the stamp is repeated or out of order", harmless=True)
 
-    def _contradiction(self, seen: int, position: Floats) -> str:
-        """Why a sample with the stamp of the last one cannot come from the same robot, or empty."""
-        passed_s = (seen - self._seen_ns + LATE_PERIODS * abs(self._period_ns)) / S
-        for name, now, then, fastest in zip(self._joints, position, self._position, self._fastest, strict=True):
-            if not abs(now - then) <= fastest * passed_s + self._step:
+    def _contradiction(self, stamp: int, seen: int, position: Floats) -> str:
+        """Why a sample that is no newer than the last one cannot come from the same robot, or empty."""
+        passed_s = (seen - self._seen_ns + LATE_PERIODS * abs(self._period_ns) + self._stamp_ns - stamp) / S
+        joints = zip(self._joints, self._units, self._turns, self._fastest, strict=True)
+        for (name, unit, turn, fastest), now, then in zip(joints, position, self._position, strict=True):
+            apart = abs(remainder(now - then, turn))
+            if not apart <= fastest * passed_s + self._step:
+                when = f"{(self._stamp_ns - stamp) / S:.3g} s" if stamp < self._stamp_ns else "no time"
                 return (
-                    f"joint '{name}' is in two places at the same stamp, {abs(now - then):.4g} apart: two publishers?"
+                    f"joint '{name}' is in two places, {apart:.4g} {unit} apart with {when} in between: two publishers?"
                 )
         return ""
 

@@ -43,8 +43,13 @@ class Latch:
     def latched(self) -> bool:
         return bool(self._stopped_by)
 
+    @property
+    def lost(self) -> bool:
+        """Whether the loss of the branch is latched."""
+        return any(map(_is_lost, self._stopped_by))
+
     def keep(self, findings: Iterable[Finding], at_ns: int) -> None:
-        """Findings that have held without a break until now, however long ago somebody looked."""
+        """Findings that hold without a break until a moment, however long ago somebody looked."""
         for finding in findings:
             self._held[finding.cause, finding.level] = finding, at_ns
 
@@ -56,9 +61,12 @@ class Latch:
         changed = self._release(at_ns, {(finding.cause, finding.level) for finding in findings})
         self.keep(findings, at_ns)
         stops = tuple(finding for finding in findings if _latches(finding))
-        if stops and not self._stopped_by:
-            self._stopped_by = stops
-            self._escape = escape
+        if self._stopped_by:
+            # a stop within a stop is the same event, but who looked before the branch was lost is wrong
+            stops = () if self.lost else tuple(filter(_is_lost, stops))
+        if stops:
+            self._stopped_by += stops
+            self._escape = self._escape or escape
             self.now = self.now._replace(event=self.now.event + 1)
         return self._set(at_ns) or changed
 
@@ -77,8 +85,10 @@ class Latch:
                 changed = self._set(end_ns) or changed
         return changed
 
-    def reset(self, event: int, at_ns: int, standing: bool, active: list[Finding]) -> str:
-        """End the stop number `event`. Returns an empty text, or why not."""
+    def reset(self, event: int, at_ns: int, standing: bool, active: list[Finding], escape: Floats = ()) -> str:
+        """End the stop number `event`. Returns an empty text, or why not. active: what is found as soon as the branch
+        is confirmed. A branch that is confirmed while the cause of a stop is active is known from then on, and a new
+        event is the stop: there is a way out of it, `escape`."""
         if not self._stopped_by:
             return "nothing to reset: no stop is latched"
         if event != self.now.event:
@@ -87,12 +97,18 @@ class Latch:
             return "the robot is not standing still"
         if unknown := [finding for finding in active if finding.level == Level.UNKNOWN]:
             return f"the state of the robot is not known: {unknown[0].text}"
-        if stops := [finding for finding in active if finding.level == Level.STOP]:
+        for finding, last_ns in self._held.values():
+            if finding.level == Level.UNKNOWN and not _is_lost(finding) and at_ns - last_ns <= self._dwell_ns:
+                return f"the state of the robot was not known until just now: {finding.text}"
+        stops = tuple(finding for finding in active if finding.level == Level.STOP)
+        if stops and not self.lost:
             return f"the cause is still there: {stops[0].text}"
-        self._stopped_by, self._escape = (), ()
+        self._stopped_by, self._escape = stops, escape
         self._held = {key: entry for key, entry in self._held.items() if key[1] < Level.STOP}
+        if stops:
+            self.now = self.now._replace(event=self.now.event + 1)
         self._set(at_ns)
-        return ""
+        return f"the branch is confirmed, but the cause of a stop is still there: {stops[0].text}" if stops else ""
 
     def _set(self, at_ns: int) -> bool:
         before = self.now
@@ -127,4 +143,8 @@ class Latch:
 
 def _latches(finding: Finding) -> bool:
     """Stops are held; so is the loss of the branch, which no later sample can bring back."""
-    return finding.level == Level.STOP or (finding.level == Level.UNKNOWN and bool(finding.cause & Cause.BRANCH))
+    return finding.level == Level.STOP or _is_lost(finding)
+
+
+def _is_lost(finding: Finding) -> bool:
+    return finding.level == Level.UNKNOWN and bool(finding.cause & Cause.BRANCH)

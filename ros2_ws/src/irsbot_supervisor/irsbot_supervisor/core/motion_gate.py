@@ -13,7 +13,7 @@ from typing import NamedTuple
 from irsbot_kinematics import Posture, Robot
 from irsbot_msgs_py.records import Floats
 from irsbot_supervisor.core.assess import SOLVED, Margins
-from irsbot_supervisor.core.certify import certify
+from irsbot_supervisor.core.certify import Certificate, certify
 from irsbot_supervisor.core.motion import BadTrajectory, Command, JointLimits, JointPath, path_through
 from irsbot_supervisor.core.outlook import PATIENT_CUTS, Foresight
 from irsbot_supervisor.core.settings import Settings
@@ -43,8 +43,8 @@ ROUNDING = 1e-6
 class Situation(NamedTuple):
     """Where a motion begins, and what it must keep."""
 
-    position: Floats  # rad or m
-    velocity: Floats
+    at: Posture  # on the branch that is followed
+    velocity: Floats  # rad/s or m/s
     share: float  # of the speed limits; 0 means hold
     limits: Margins
 
@@ -78,7 +78,8 @@ class MotionGate:
 
     def _joined(self, command: Command, situation: Situation) -> JointPath:
         """From where the robot is along the commanded points, within what the joints can do."""
-        position, velocity, share, _limits = situation
+        at, velocity, share, _limits = situation
+        position = at.joints
         way = path_through(command.times, command.positions, command.velocities, len(position))
         later = [i for i, time in enumerate(command.times) if time > 0.0]
         path = JointPath(
@@ -96,31 +97,33 @@ class MotionGate:
         return path.stretched(excess)
 
     def _safe(self, path: JointPath, situation: Situation) -> GatedMotion:
-        limits = situation.limits
-        found = certify(self._robot, self._settings, path.times, path.positions, path.velocities, limits=limits)
+        begin, limits = situation.at, situation.limits
+        found = self._certified(path, limits, begin)
         text = ""
         if found.violation is not None:
-            shortened = self._shortened(path, found.violation.time_s, limits)
+            shortened = self._shortened(path, found.violation.time_s, situation)
             if shortened is None:
                 return GatedMotion(None, f"held: {found.violation.text}")
             path, text = shortened, f"ends early: {found.violation.text}"
         for pace in PACES:
             slower = path.stretched(1.0 / pace)
-            if self._can_stop(slower, limits):
+            if self._can_stop(slower, limits, begin):
                 reasons = [text, f"slowed down to {pace:.3g}" if pace < 1.0 else ""]
                 return GatedMotion(slower, "; ".join(reason for reason in reasons if reason))
         return GatedMotion(None, "held: the robot could not stop on this way even if it were slow")
 
-    def _can_stop(self, path: JointPath, limits: Margins) -> bool:
+    def _certified(self, path: JointPath, limits: Margins, begin: Posture) -> Certificate:
+        return certify(
+            self._robot, self._settings, path.times, path.positions, path.velocities, limits=limits, begin=begin
+        )
+
+    def _can_stop(self, path: JointPath, limits: Margins, begin: Posture) -> bool:
         """Whether the robot could stand before the limits if it braked at any of the moments that are looked at."""
         looks = max(min(round(path.duration_s / LOOK_S), MOST_LOOKS), 1)
-        at: Posture | None = None
+        at = begin
         for look in range(looks):
             point = path.at(path.duration_s * look / looks)
-            if at is None:
-                at = self._robot.mechanism.posture(point.position, self._settings.assembly_mode)
-            else:
-                at = self._robot.mechanism.track(point.position, at)
+            at = self._robot.mechanism.track(point.position, at)
             if at.status != SOLVED:
                 return False
             floor = self._foresight.foresee(at, point.velocity, self._lag_s, limits)
@@ -128,18 +131,15 @@ class MotionGate:
                 return False
         return True
 
-    def _shortened(self, path: JointPath, violation_s: float, limits: Margins) -> JointPath | None:
+    def _shortened(self, path: JointPath, violation_s: float, situation: Situation) -> JointPath | None:
         """The longest part of a path, brought to rest, that keeps the limits; None if there is none."""
-        type1, type2, constraint, limb = (limit + ROOM for limit in limits)
+        type1, type2, constraint, limb = (limit + ROOM for limit in situation.limits)
         roomy = type1, type2, constraint, limb
         low, high, best = 0.0, violation_s, None
         for _ in range(SEARCHES):
             end_s = 0.5 * (low + high)
             rest = self._at_rest(path, end_s)
-            if (
-                rest is not None
-                and certify(self._robot, self._settings, rest.times, rest.positions, rest.velocities, limits=roomy).safe
-            ):
+            if rest is not None and self._certified(rest, roomy, situation.at).safe:
                 low, best = end_s, rest
             else:
                 high = end_s

@@ -9,6 +9,7 @@ worst of them further.
 from __future__ import annotations
 
 from math import inf
+from operator import sub
 from typing import TYPE_CHECKING, NamedTuple
 
 from irsbot_kinematics import Guarantee, Mechanism, Posture
@@ -18,15 +19,12 @@ from irsbot_supervisor.core.assess import SOLVED, Margins, margins_of
 if TYPE_CHECKING:
     from irsbot_supervisor.core.settings import Settings
 
-CUTS, MORE_CUTS = 4, 8
+CUTS, MORE_CUTS = 4, 10
 """How often the braking path of one sample is cut at most to prove that no warning is due, and how often further before
 a robot is stopped for a bound alone. Each cut costs two postures, and while they are computed the robot goes on."""
 
-FEWER_CUTS, FEWER_MORE_CUTS = 2, 6
-"""The same for mechanisms whose branches are followed: their postures have no closed form and cost ten times more."""
-
 PATIENT_CUTS = 8
-"""The same where no robot waits for the answer."""
+"""The same where no robot waits for the answer, and for no limit but the one that is wanted."""
 
 
 class Way(NamedTuple):
@@ -40,11 +38,18 @@ class Way(NamedTuple):
     stop_s: float  # from now until the last joint stands
 
 
+class Moment(NamedTuple):
+    """A point of a way."""
+
+    time_s: float  # from now
+    joints: Floats
+
+
 class Stretch(NamedTuple):
     """A part of a way."""
 
-    start_s: float
-    end_s: float
+    first: Moment
+    last: Moment
     floor: Margins  # certified
     begin: Posture  # of the branch; where labels do not hold the one at its start
     middle: Posture  # the one in the middle of its chord
@@ -54,10 +59,9 @@ class Stretch(NamedTuple):
 class Foresight:
     """Follows the braking path of a mechanism under given settings."""
 
-    def __init__(self, settings: Settings, mechanism: Mechanism, cuts: int = 0) -> None:
-        """cuts: for bounds that are wanted, where nobody waits; 0: as many as there is time for."""
-        few, more = (CUTS, MORE_CUTS) if mechanism.labels_hold else (FEWER_CUTS, FEWER_MORE_CUTS)
-        self._cuts, self._more_cuts = cuts or few, more
+    def __init__(self, settings: Settings, mechanism: Mechanism, cuts: int = CUTS) -> None:
+        """cuts: for bounds that are wanted."""
+        self._cuts = cuts
         self._mechanism = mechanism
         self._latency = settings.latency_s
         self._brakes = settings.deceleration_limit
@@ -82,12 +86,12 @@ class Foresight:
         if max(reach) <= 2.0 * self._error:  # standing still: all that is left is the error of the joints
             return floor
         floor = self._cut(self.way(at, velocity, ahead_s, acceleration), wanted, stop)
-        if acceleration and any(v * a < 0.0 for v, a in zip(velocity, acceleration, strict=True)):
+        slows = acceleration and any(v * a < 0.0 for v, a in zip(velocity, acceleration, strict=True))
+        if slows and _spare(floor, stop or wanted) >= 0.0:
             # Nobody knows whether slowing down lasts: both ways count.
             steady = tuple([0.0 if v * a < 0.0 else a for v, a in zip(velocity, acceleration, strict=True)])
             other = self._cut(self.way(at, velocity, ahead_s, steady), wanted, stop)
-            type1, type2, constraint, limb = map(min, floor, other)
-            floor = type1, type2, constraint, limb
+            floor = lowest([floor, other])
         return floor
 
     def reach(self, velocity: Floats, acceleration: Floats, delay_s: float) -> list[float]:
@@ -133,8 +137,6 @@ class Foresight:
         eighth, error = 0.125 * (end_s - start_s) * (end_s - start_s), self._error
         if end_s <= way.delay_s:
             return [eighth * abs(gain) + error for gain in way.gains]
-        if start_s >= way.delay_s:
-            return [eighth * brake + error for brake in self._brakes]
         return [eighth * max(abs(gain), brake) + error for gain, brake in zip(way.gains, self._brakes, strict=True)]
 
     def _cut(self, way: Way, wanted: Margins, stop: Margins | None) -> Margins:
@@ -142,20 +144,23 @@ class Foresight:
         in its middle and where the robot stands are not. stop: limits for which more is done."""
         if not way.stop_s < inf:
             return nothing_of(way.at)
-        stretches = [*self._halves(way.at, way, 0.0, way.delay_s, way.stop_s)]
+        last = self._moment(way, way.stop_s)
+        stretches = [*self._halves(way, way.at, Moment(0.0, way.at.joints), way.delay_s, last)]
+        floor = lowest([stretch.floor for stretch in stretches])
+        if _spare(floor, wanted) >= 0.0:
+            return floor
         end = stretches[-1].middle
         if end.status == SOLVED:
-            end = self._mechanism.track(self.position(way, way.stop_s), end)
-        for limits, cuts in ((wanted, self._cuts), *([(stop, self._more_cuts)] if stop else [])):
+            end = self._mechanism.track(last.joints, end)
+        for limits, cuts in ((wanted, self._cuts), *([(stop, MORE_CUTS)] if stop else [])):
             for _ in range(cuts if self._is_good(end, limits) else 0):  # where it stands most margins are smallest
                 worst = min(stretches, key=lambda stretch: _spare(stretch.floor, limits))
                 if not (_spare(worst.floor, limits) < 0.0 and self._is_worth_cutting(worst, limits)):
                     break
                 stretches.remove(worst)
-                middle_s = 0.5 * (worst.start_s + worst.end_s)
-                stretches += self._halves(worst.begin, way, worst.start_s, middle_s, worst.end_s)
-        type1, type2, constraint, limb = map(min, zip(*[stretch.floor for stretch in stretches], strict=True))
-        return type1, type2, constraint, limb
+                middle_s = 0.5 * (worst.first.time_s + worst.last.time_s)
+                stretches += self._halves(way, worst.begin, worst.first, middle_s, worst.last, worst.middle)
+        return lowest([stretch.floor for stretch in stretches])
 
     def _is_worth_cutting(self, stretch: Stretch, limits: Margins) -> bool:
         """Whether shorter courses can prove more: not where the margins are truly low, nor where all that is left is
@@ -166,32 +171,47 @@ class Foresight:
     def _is_good(at: Posture, limits: Margins) -> bool:
         return at.status == SOLVED and _spare(margins_of(at), limits) >= 0.0
 
-    def _halves(self, begin: Posture, way: Way, start_s: float, cut_s: float, end_s: float) -> tuple[Stretch, Stretch]:
-        """Two stretches of a way. begin: a posture of the same branch; the one at the start if labels do not hold."""
-        first = self._stretch(begin, way, start_s, cut_s)
-        after = first.middle
-        if after.status == SOLVED and not self._mechanism.labels_hold:
-            after = self._mechanism.track(self.position(way, cut_s), after)
-        return first, self._stretch(after, way, cut_s, end_s)
+    def _moment(self, way: Way, time_s: float) -> Moment:
+        return Moment(time_s, self.position(way, time_s))
 
-    def _stretch(self, begin: Posture, way: Way, start_s: float, end_s: float) -> Stretch:
-        """Bounds of the margins anywhere between two times of a way, nothing where there are none."""
+    def _halves(
+        self, way: Way, begin: Posture, first: Moment, cut_s: float, last: Moment, near: Posture | None = None
+    ) -> tuple[Stretch, Stretch]:
+        """Two stretches of a way. begin: a posture of the same branch; the one at the start if labels do not hold.
+        near: one of the same branch that is near the cut."""
+        cut = self._moment(way, cut_s)
+        before = self._stretch(way, begin, first, cut)
+        after = near or before.middle
+        if after.status == SOLVED and not self._mechanism.labels_hold:
+            after = self._mechanism.track(cut.joints, after)
+        return before, self._stretch(way, after, cut, last)
+
+    def _stretch(self, way: Way, begin: Posture, first: Moment, last: Moment) -> Stretch:
+        """Bounds of the margins anywhere between two moments of a way, nothing where there are none."""
         if begin.status != SOLVED:
-            return Stretch(start_s, end_s, nothing_of(way.at), begin, begin)
-        first, last = self.position(way, start_s), self.position(way, end_s)
-        middle = self._mechanism.track(tuple([0.5 * (a + b) for a, b in zip(first, last, strict=True)]), begin)
+            return Stretch(first, last, nothing_of(way.at), begin, begin)
+        middle = self._mechanism.track(
+            tuple([0.5 * (a + b) for a, b in zip(first.joints, last.joints, strict=True)]), begin
+        )
         if middle.status != SOLVED:
-            return Stretch(start_s, end_s, nothing_of(way.at), begin, middle)
-        half = [0.5 * (b - a) for a, b in zip(first, last, strict=True)]
-        bend = self.bend(way, start_s, end_s)
+            return Stretch(first, last, nothing_of(way.at), begin, middle)
+        half = [0.5 * (b - a) for a, b in zip(first.joints, last.joints, strict=True)]
+        bend = self.bend(way, first.time_s, last.time_s)
         floor = floor_of(self._mechanism.guarantee_along(middle, half, bend, self._slack_m))
         width = max([abs(h) + b for h, b in zip(half, bend, strict=True)])
-        return Stretch(start_s, end_s, floor, begin, middle, width)
+        return Stretch(first, last, floor, begin, middle, width)
+
+
+def lowest(floors: list[Margins]) -> Margins:
+    """The smallest of each margin."""
+    type1, type2, constraint, limb = map(min, zip(*floors, strict=True))
+    return type1, type2, constraint, limb
 
 
 def _spare(have: Margins, want: Margins) -> float:
     """What the worst margin has above what is wanted."""
-    return min([a - b for a, b in zip(have, want, strict=True)])
+    spare: float = min(map(sub, have, want))
+    return spare
 
 
 def floor_of(guarantee: Guarantee) -> Margins:

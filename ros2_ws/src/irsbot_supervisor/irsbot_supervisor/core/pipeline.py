@@ -6,7 +6,7 @@ A sample, a tick of a timer, an operator's reset and new settings enter by the s
 from __future__ import annotations
 
 from dataclasses import fields
-from math import inf, isfinite, nan, remainder, sqrt, tau
+from math import inf, isfinite, nan, remainder, sqrt
 from typing import NamedTuple
 
 from irsbot_kinematics import Posture, Robot
@@ -24,6 +24,7 @@ from irsbot_msgs_py.records import (
     Tick,
     Verdict,
 )
+from irsbot_supervisor.core.arrivals import SETTLING
 from irsbot_supervisor.core.assess import SOLVED, Assessment, Assessor, Margins, slopes
 from irsbot_supervisor.core.estimator import Estimate, Estimator
 from irsbot_supervisor.core.gate import View
@@ -55,7 +56,7 @@ class Supervisor:
         self._latch = Latch(settings)
         self._estimator = Estimator(settings, robot.mechanism.joints)
         self._assessor = Assessor(settings, robot.mechanism)
-        self._intake = Intake(settings)
+        self._intake = Intake(settings, robot.mechanism.joints)
         self._set(settings)
         self._samples = 0
         self._verdicts = 0
@@ -78,6 +79,7 @@ class Supervisor:
             state = self._sample(event)
         elif isinstance(event, Configure):
             self._configure(event)
+            self._pass_time(event.seen_ns)  # what silence is has changed, too
             changed = True
         elif isinstance(event, Reset):
             refusal = self._reset(event)
@@ -88,7 +90,7 @@ class Supervisor:
         mechanism = self.robot.mechanism
         self.settings = settings
         self._foresight = Foresight(settings, mechanism)
-        self._policy = Policy(settings)
+        self._policy = Policy(settings, mechanism.joints)
         self._reporter = Reporter(settings, mechanism, self.robot.name)
         self._stale_ns = round(settings.stale_s * S)
         self._heartbeat_ns = round(settings.heartbeat_s * S)
@@ -117,9 +119,10 @@ class Supervisor:
     @property
     def view(self) -> View | None:
         """What the command gate needs to know; None while the robot's state is not known."""
-        if self._good is None or self._at is None or self._latch.now.level == Level.UNKNOWN:
+        good = self._good
+        if good is None or self._at is None or self._latch.now.level == Level.UNKNOWN:
             return None
-        return View(self._at, self._good.velocity, self._good.ahead_s, self._latch.now)
+        return View(self._at, good.velocity, good.ahead_s, self._latch.now, good.seen_ns)
 
     def fail(self, seen_ns: int, text: str) -> Verdict:
         """The verdict after an error inside: UNKNOWN, whatever the samples said, until one is judged without error."""
@@ -148,6 +151,13 @@ class Supervisor:
         latch.keep(self._silence, seen_ns)
         return self._hold(seen_ns)
 
+    def _begin(self, seen_ns: int) -> None:
+        """The first good sample. What it says counts, but OK has to wait until it is known how often samples come."""
+        learning_s = SETTLING * self.settings.stale_s
+        text = f"samples have only begun to come, {learning_s * 1e3:.0f} ms are needed to tell how often"
+        begun = Finding(Cause.NO_DATA, Level.UNKNOWN, nan, nan, "", text)
+        self._latch.keep([begun], seen_ns + round(learning_s * S))
+
     def _hold(self, seen_ns: int) -> bool:
         """What holds now: what the last sample showed, and the silence since the last good one."""
         return self._latch.update([*self._found, *self._silence], seen_ns)
@@ -160,13 +170,15 @@ class Supervisor:
         estimate = self._estimator.update(accepted)
         if isinstance(estimate, Rejected):
             return self._rejected(sample, estimate)
-        lost_track, self._estimator.lost_track = self._estimator.lost_track, False
+        lost_track, self._estimator.lost_track = self._estimator.lost_track, ""
         assessment = self._assessor.assess(estimate.position, lost_track)
         at = assessment.at
         if at.status != SOLVED:
             self._found = self._policy.judge(estimate, assessment, None, (), 0)
             self._hold(sample.seen_ns)
             return self._reporter.unsolved(estimate, self._samples, _causes(self._found))
+        if self._good is None:
+            self._begin(sample.seen_ns)
         self._good, self._at, self._stale, self._silence = estimate, at, False, []
         floor = self._foresee(assessment, estimate)
         reaction = self._reporter.reaction(estimate, assessment)
@@ -200,10 +212,13 @@ class Supervisor:
         assessment = self._assessor.confirmed(good.position, seen)
         floor = self._foresee(assessment, good)
         active = self._policy.judge(good, assessment, floor, self._reporter.reaction(good, assessment), 0)
-        refusal = self._latch.reset(reset.event, reset.seen_ns, self.standing, active)
-        if not refusal:
+        stopped = any(finding.level == Level.STOP for finding in active)
+        escape = self._escape(assessment, active) if stopped else ()
+        lost = self._latch.lost
+        refusal = self._latch.reset(reset.event, reset.seen_ns, self.standing, active, escape)
+        if not refusal or lost > self._latch.lost:
             self._assessor.confirm(seen)
-            self._found = active
+            self._found, self._at = active, assessment.at
         return refusal
 
     def _seen(self, joints: Floats, seed_pose: Floats) -> tuple[Posture | None, str]:
@@ -224,7 +239,7 @@ class Supervisor:
         if self._assessor.lost:
             return mechanism.posture(joints, label), ""
         here = self._assessor.confirmed(joints).at.pose
-        turns = [tau if axis.is_angle else inf for axis in mechanism.task]
+        turns = [axis.turn for axis in mechanism.task]
         away = [abs(remainder(a - b, turn)) for a, b, turn in zip(here, answer.poses, turns, strict=True)]
         return None, "" if all(way <= SAME_POSE_TOL for way in away) else "the seed pose is nearest to another branch"
 

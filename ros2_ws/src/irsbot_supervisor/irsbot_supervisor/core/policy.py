@@ -6,7 +6,9 @@ from __future__ import annotations
 from math import nan
 from operator import le
 
+from irsbot_kinematics.mechanism import Coordinate
 from irsbot_msgs_py.records import Cause, Finding, Floats, Level
+from irsbot_supervisor.core.arrivals import SETTLING
 from irsbot_supervisor.core.assess import SOLVED, Assessment, Margins
 from irsbot_supervisor.core.estimator import Estimate
 from irsbot_supervisor.core.outlook import limits_of
@@ -33,12 +35,15 @@ WORDS = {
 class Policy:
     """The limits of one robot, applied."""
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings, joints: tuple[Coordinate, ...]) -> None:
         self._warn = limits_of(settings, "warn")
         self._stop = limits_of(settings, "stop")
-        self._release = 1.0 + settings.hysteresis
+        # A warning ends above its limit, but not above 1, which no margin exceeds.
+        self._release = [min(warn * (1.0 + settings.hysteresis), 0.5 * (1.0 + warn)) for warn in self._warn]
         self._names = settings.joint_names
+        self._units = [f"{joint.unit}/s" for joint in joints]
         self._speed = settings.velocity_limit
+        self._settling = SETTLING * settings.stale_s
         self._reaction_level = {"off": Level.OK, "warn": Level.WARN, "stop": Level.STOP}[settings.reaction_check]
         self._reaction_limit = settings.reaction_limit_n
 
@@ -50,17 +55,21 @@ class Policy:
         if assessment.at.status != SOLVED:
             return [self._not_assembled(assessment), *self._branch(assessment)]
         findings = self._branch(assessment) if assessment.branch_fault else []
-        if floor is None:
+        going, settled = floor is not None, estimate.steady_s >= self._settling
+        if not going:
             findings.append(_finding(Cause.DEGRADED, Level.UNKNOWN, estimate.degraded))
-            return findings
+        if not settled:
+            findings.append(self._unsettled(estimate.steady_s))
+        if floor is None or not settled:  # nobody knows where it goes to, but where it is
+            floor = assessment.margins
         warn = self._warn
         if not (floor[0] >= warn[0] and floor[1] >= warn[1] and floor[2] >= warn[2] and floor[3] >= warn[3]):
             findings += self._margins(assessment.margins, floor)
         elif held & ANY_MARGIN:
             findings += self._lingering(floor, held)
-        if not all(map(le, map(abs, estimate.velocity), self._speed)):
+        if going and not all(map(le, map(abs, estimate.velocity), self._speed)):
             findings += self._speeding(estimate.velocity)
-        if estimate.degraded:
+        if going and estimate.degraded:
             findings.append(_finding(Cause.DEGRADED, Level.WARN, estimate.degraded))
         if self._reaction_level:
             findings += self._reactions(reaction, assessment.at.sines)
@@ -73,7 +82,8 @@ class Policy:
                 continue
             level, limit = (Level.WARN, warn) if least >= stop else (Level.STOP, stop)
             if value >= limit:
-                text = f"{WORDS[kind]} {value:.4f} would fall to {least:.4f} before standstill, limit {limit:.4f}"
+                falls = f"would fall to {least:.4f}" if least > 0.0 else "cannot be shown not to vanish"
+                text = f"{WORDS[kind]} {value:.4f} {falls} before standstill, limit {limit:.4f}"
                 findings.append(Finding(kind | Cause.BRAKING, level, least, limit, "1", text))
             else:
                 text = f"{WORDS[kind]} {value:.4f}, limit {limit:.4f}"
@@ -83,18 +93,18 @@ class Policy:
     def _lingering(self, floor: Margins, held: int) -> list[Finding]:
         """A warning ends a little above the limit where it began."""
         findings = []
-        for kind, least, warn in zip(KINDS, floor, self._warn, strict=True):
-            if held & kind and not least >= warn * self._release:
-                text = f"{WORDS[kind]} {least:.4f}, warning until {warn * self._release:.4f}"
-                findings.append(Finding(kind, Level.WARN, least, warn * self._release, "1", text))
+        for kind, least, release in zip(KINDS, floor, self._release, strict=True):
+            if held & kind and not least >= release:
+                text = f"{WORDS[kind]} {least:.4f}, warning until {release:.4f}"
+                findings.append(Finding(kind, Level.WARN, least, release, "1", text))
         return findings
 
     def _speeding(self, velocity: Floats) -> list[Finding]:
         findings = []
-        for name, rate, limit in zip(self._names, velocity, self._speed, strict=True):
+        for name, rate, limit, unit in zip(self._names, velocity, self._speed, self._units, strict=True):
             if not abs(rate) <= limit:
-                text = f"joint '{name}' moves at {rate:.4g}, limit {limit:.4g}"
-                findings.append(Finding(Cause.SPEED, Level.WARN, abs(rate), limit, "rad/s or m/s", text))
+                text = f"joint '{name}' moves at {rate:.4g} {unit}, limit {limit:.4g}"
+                findings.append(Finding(Cause.SPEED, Level.WARN, abs(rate), limit, unit, text))
         return findings
 
     def _reactions(self, reaction: Floats, sines: Floats) -> list[Finding]:
@@ -108,6 +118,12 @@ class Policy:
             text = f"leg {leg} {said}, limit {limit:.1f} N"
             findings.append(Finding(Cause.REACTION, level, abs(force), limit, "N", text))
         return findings
+
+    def _unsettled(self, steady_s: float) -> Finding:
+        """Soon after a silence nobody knows how often samples come, so nobody knows how far the robot gets unseen."""
+        need = f"{self._settling * 1e3:.0f} ms are needed to tell how often they come"
+        text = f"after a silence samples have come for {steady_s * 1e3:.0f} ms, {need}"
+        return Finding(Cause.STALE, Level.UNKNOWN, steady_s, self._settling, "s", text)
 
     @staticmethod
     def _branch(assessment: Assessment) -> list[Finding]:

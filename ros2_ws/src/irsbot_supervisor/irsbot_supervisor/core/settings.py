@@ -66,7 +66,7 @@ class Settings:
     command_timeout_s: float = _number(0.1, "s", "a velocity command through the gate counts for so long", 1e-3, 1.0)
     stale_s: float = _number(0.05, "s", "a good sample older than this is no knowledge", 0.001, 10.0)
     heartbeat_s: float = _number(0.01, "s", "longest silence between verdicts", 0.001, 0.02)
-    age_limit_s: float = _number(0.2, "s", "oldest acceptable stamp on arrival", 0.001, 10.0)
+    age_limit_s: float = _number(0.05, "s", "oldest acceptable stamp on arrival", 0.001, 10.0)
     future_limit_s: float = _number(0.02, "s", "how far ahead of our clock a stamp may be", 0.0, 10.0)
     standstill_speed: float = _number(0.02, "rad/s or m/s", "slower than this is standing still", 0.0, 10.0)
     encoder_resolution: float = _number(1e-5, "rad or m", "smallest step of a joint position", 0.0, 0.1)
@@ -151,7 +151,8 @@ def _single_faults(settings: Settings, n: int) -> list[str]:
             faults.append(f"{entry.name} is {value!r}, must be one of {', '.join(words)}")
         elif low is not None:
             wrong = [number for number in each if not (_is_number(number) and low <= number <= high)]
-            faults += [f"{entry.name} is {number!r}, must be in {low:g}..{high:g} {unit}" for number in wrong]
+            said = dict.fromkeys(map(repr, wrong))  # what every joint has is said once
+            faults += [f"{entry.name} is {number}, must be in {low:g}..{high:g} {unit}" for number in said]
         else:
             kind = int if entry.name.endswith("_mode") else str
             wrong = [item for item in each if not isinstance(item, kind)]
