@@ -17,28 +17,35 @@ from irsbot_supervisor.tape import Tape
 def read_joint_columns(path: Path, names: list[str]) -> tuple[Array, Array | None]:
     """Joint positions (N, n) in the order of `names`, and times (N,) in s where the source has them.
 
-    Raises BadInput for a file without those columns or with something else than numbers in them.
+    Raises BadInput for a file without those columns, without rows, or with something else than numbers in them.
     """
     if path.is_dir() or path.suffix == ".mcap":
         return _from_bag(path, names)
     frame = _table(path)
     if missing := [name for name in names if name not in frame.columns]:
         raise BadInput(f"{path}: no column '{missing[0]}'; it has {', '.join(frame.columns)}")
-    if words := [name for name in names if not frame.schema[name].is_numeric()]:
-        raise BadInput(f"{path}: column '{words[0]}' holds something else than numbers")
-    times = frame["time_s"].to_numpy().astype(float) if "time_s" in frame.columns else None
-    return frame.select(names).cast(pl.Float64).to_numpy(), times
+    times = _numbers(path, frame, ["time_s"])[:, 0] if "time_s" in frame.columns else None
+    return _numbers(path, frame, names), times
 
 
 def read_motion(path: Path, names: list[str]) -> tuple[Array, Array, Array]:
-    """Times (N,) in s, positions (N, n), and velocities (N, n) or (0, n), from a CSV table. Raises BadInput."""
+    """Times (N,) in s, positions (N, n), and velocities (N, n) or (0, n), from a CSV table.
+
+    Raises BadInput, also for times that do not increase, and for what is not finite.
+    """
     positions, times = read_joint_columns(path, names)
     if times is None:
         raise BadInput(f"{path}: no column 'time_s'")
+    _finite(path, ["time_s"], times[:, np.newaxis])
+    if len(late := np.flatnonzero(np.diff(times) <= 0.0)):
+        row = int(late[0]) + 1
+        fault = f"is {times[row]:g}, must be above {times[row - 1]:g} in the row before"
+        raise BadInput(f"{path}: {_cell(row, 'time_s')} {fault}")
     rates = [f"{name}_velocity" for name in names]
+    velocities: Array = np.empty((0, len(names)))
     if has_columns(path, rates[:1]):
-        return times, positions, read_joint_columns(path, rates)[0]
-    return times, positions, np.empty((0, len(names)))
+        velocities = _finite(path, rates, read_joint_columns(path, rates)[0])
+    return times, _finite(path, names, positions), velocities
 
 
 def has_columns(path: Path, names: list[str]) -> bool:
@@ -47,11 +54,35 @@ def has_columns(path: Path, names: list[str]) -> bool:
 
 
 def _table(path: Path, rows: int | None = None) -> pl.DataFrame:
-    """The first rows of a CSV table, or all of them."""
+    """The first rows of a CSV table, or all of them, as texts."""
     try:
-        return pl.read_csv(path, n_rows=rows)
+        return pl.read_csv(path, n_rows=rows, infer_schema=False)
     except (pl.exceptions.PolarsError, UnicodeDecodeError) as error:
         raise BadInput(f"{path}: not a CSV table: {str(error).splitlines()[0]}") from None
+
+
+def _numbers(path: Path, frame: pl.DataFrame, names: list[str]) -> Array:
+    """Columns (N, n) of a table, NaN where it says so. Raises BadInput that names the first cell without a number."""
+    if frame.is_empty():
+        raise BadInput(f"{path}: it has no rows below its header")
+    texts = frame.select(pl.col(name).str.strip_chars() for name in names)
+    values = texts.select(pl.all().cast(pl.Float64, strict=False))
+    for row, column in np.argwhere(values.select(pl.all().is_null()).to_numpy())[:1].tolist():
+        said = texts[row, column]
+        fault = f"'{said}' is no number" if said else "the cell is empty"
+        raise BadInput(f"{path}: {_cell(row, names[column])}: {fault}")
+    return values.to_numpy()
+
+
+def _finite(path: Path, names: list[str], values: Array) -> Array:
+    for row, column in np.argwhere(~np.isfinite(values))[:1].tolist():
+        raise BadInput(f"{path}: {_cell(row, names[column])} is {values[row, column]}, must be finite")
+    return values
+
+
+def _cell(row: int, column: str) -> str:
+    """A place in a table, as its reader counts."""
+    return f"row {row + 1} below the header, column '{column}'"
 
 
 def write_columns(path: Path, columns: dict[str, Any]) -> None:

@@ -42,18 +42,23 @@ def read_settings(robot_name: str, changes: Mapping[str, Any] | None = None) -> 
 
 def read_values(path: Path) -> dict[str, Any]:
     """The mapping in a user's settings file, plain or as ROS parameters of one node. Raises InvalidSettings."""
-    try:
-        values = _mapping(path.read_text(encoding="utf-8"), str(path))
-    except OSError as error:
-        raise InvalidSettings(f"{path}: {error.strerror}") from None
-    except UnicodeDecodeError:
-        raise InvalidSettings(f"{path}: not a text in UTF-8") from None
+    values = read_mapping(path)
     nodes = [node[PARAMETERS] for node in values.values() if isinstance(node, dict) and PARAMETERS in node]
     if not nodes:
         return values
     if len(values) > 1 or not isinstance(nodes[0], dict):
         raise InvalidSettings(f"{path}: expected the settings of one node, as in '/**: {{{PARAMETERS}: ...}}'")
     return dict(nodes[0])
+
+
+def read_mapping(path: Path) -> dict[str, Any]:
+    """The mapping in a YAML file. Raises InvalidSettings."""
+    try:
+        return _mapping(path.read_text(encoding="utf-8"), str(path))
+    except OSError as error:
+        raise InvalidSettings(f"{path}: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise InvalidSettings(f"{path}: not a text in UTF-8") from None
 
 
 def _mapping(text: str, where: str) -> dict[str, Any]:

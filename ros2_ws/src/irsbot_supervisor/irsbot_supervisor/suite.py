@@ -6,6 +6,7 @@ import ctypes
 import json
 import os
 import random
+import select
 import signal
 import socket
 import subprocess
@@ -96,11 +97,25 @@ class Suite:
 
     def check(self) -> None:
         """Raise SuiteError, with the last line of its log, if a node has ended."""
-        for name, process in self.processes.items():
-            if process.poll() is not None:
-                said = (self._logs / f"{name}.log").read_text(errors="replace").strip().splitlines()
-                last = said[-1] if said else "no output"
-                raise SuiteError(f"the node {name} ended with exit code {process.returncode}: {last}")
+        for ended in self.ended().values():
+            raise SuiteError(ended)
+
+    def wait(self) -> None:
+        """Until a node ends; not at all if one has ended of which nobody knows. A signal interrupts it."""
+        running = [os.pidfd_open(process.pid) for process in self.processes.values() if process.returncode is None]
+        try:
+            select.select(running, [], [])
+        finally:
+            for descriptor in running:
+                os.close(descriptor)
+
+    def ended(self) -> dict[str, str]:
+        """The nodes that have ended by themselves, each with a sentence that has the last line of its log."""
+        return {name: self._last_words(name, p) for name, p in self.processes.items() if p.poll() is not None}
+
+    def _last_words(self, name: str, process: subprocess.Popen[bytes]) -> str:
+        said = (self._logs / f"{name}.log").read_text(errors="replace").strip().splitlines()
+        return f"the node {name} ended with exit code {process.returncode}: {said[-1] if said else 'no output'}"
 
     def stop(self) -> dict[str, int]:
         """Ask every node to end, last started first, then end what is left. Returns the exit codes."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from math import nan
 from typing import Any
@@ -11,7 +12,7 @@ import pytest
 pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
 from builtin_interfaces.msg import Duration
-from cell import NAMES, ROBOT, Cell, Wire
+from cell import NAMES, PATIENCE_S, ROBOT, Cell, Wire
 from rclpy.qos import QoSProfile
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -28,9 +29,6 @@ pytestmark = [
 
 RATE_HZ = 200.0
 """Samples per second: few enough for a machine on which much else runs."""
-
-TRIES = 5
-"""How often a motion is commanded that a busy machine did not let end."""
 
 STOP = 0.15
 """The stop limit of the Type 1 margin of irsbot2, as shipped."""
@@ -85,12 +83,13 @@ class Station:
     def drive(self, goal: Floats, seconds: float = 1.0) -> Floats:
         """Until the robot stands at the end of what the gate makes of a motion, which is returned. A machine that is
         too busy for its samples makes the gate hold; then the motion is commanded again, as an operator would."""
-        for _ in range(TRIES):
+        deadline = time.monotonic() + PATIENCE_S
+        while time.monotonic() < deadline:
             motion = self.go(goal, seconds=seconds)
             if motion.points and self._arrived(tuple(motion.points[-1].positions)):
                 return self.joints
             self.cell.heard(lambda verdict: verdict.level <= Level.WARN, "leave to move")
-        raise AssertionError(f"the robot did not arrive in {TRIES} tries")
+        raise AssertionError(f"the robot did not arrive in {PATIENCE_S:.0f} s")
 
     def _arrived(self, end: Floats) -> bool:
         """Wait until the robot is at the end of a motion, has been told otherwise, or stands: joints that missed a

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import resource
 import signal
 import subprocess
@@ -22,14 +23,17 @@ from irsbot_msgs.msg import Verdict as VerdictMsg
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_typestore
 from sensor_msgs.msg import JointState
-from std_msgs.msg import String
+from std_msgs.msg import Float64MultiArray, String
 
 from irsbot_msgs_py.cdr import encode_joint_state, encode_verdict
 from irsbot_msgs_py.convert import health_record
 from irsbot_msgs_py.health import RecorderHealth, RecorderState
 from irsbot_msgs_py.records import Cause, JointSample, Level, Verdict
 from irsbot_supervisor.journal import configured, write_entry
+from irsbot_supervisor.nodes.recorder import PARAMETERS
+from irsbot_supervisor.replay import read_recording
 from irsbot_supervisor.settings_file import read_settings
 from irsbot_supervisor.suite import free_domain
 from irsbot_supervisor.tape import Tape
@@ -114,11 +118,11 @@ class Scene:
         return numbers
 
     def close(self) -> None:
+        self.node.destroy_node()
+        rclpy.shutdown(context=self._context)
         if self._process is not None:
             self._process.kill()
             self._process.communicate()
-        self.node.destroy_node()
-        rclpy.shutdown(context=self._context)
 
 
 @pytest.fixture
@@ -210,6 +214,60 @@ def test_a_write_that_fails_ends_the_recording_with_a_readable_bag(scene: Scene)
     numbers = scene.recorded()
     assert 100 < len(numbers) < 1500
     assert numbers == list(range(len(numbers)))
+
+
+def test_velocities_on_their_way_through_the_gate_are_recorded_and_passed_over_by_replays(scene: Scene):
+    topics = ("velocity_in", "velocity_out")
+    commands = [scene.node.create_publisher(Float64MultiArray, topic, 10) for topic in topics]
+    scene.start()
+    scene.until_listening()
+    scene.until(lambda: all(publisher.get_subscription_count() for publisher in commands))
+    scene.send(range(10))
+    for factor, publisher in enumerate(commands, 1):
+        publisher.publish(Float64MultiArray(data=[0.5 * factor, -0.25 * factor]))
+    scene.until(lambda: scene.health and scene.health[-1].messages_written >= 13)
+    assert scene.end(signal.SIGINT)[0] == 0
+    with Reader(scene.bag) as reader:
+        store = get_typestore(Stores.ROS2_JAZZY)
+        wanted = [connection for connection in reader.connections if "velocity" in connection.topic]
+        found = {
+            connection.topic: store.deserialize_cdr(data, connection.msgtype).data.tolist()
+            for connection, _time, data in reader.messages(connections=wanted)
+        }
+    assert found == {"/cell/velocity_in": [0.5, -0.25], "/cell/velocity_out": [1.0, -0.5]}
+    assert scene.recorded() == list(range(10))
+    assert read_recording(scene.bag).loss == ""
+
+
+def test_a_second_publisher_for_a_moment_is_no_loss(scene: Scene):
+    scene.start("flush_s:=0.25")  # it is gone by the time its messages are looked at
+    scene.until_listening()
+    scene.send(range(300))
+    second = scene.node.create_publisher(JointState, "joint_states", 1000)
+    scene.until(lambda: second.get_subscription_count())
+    for k in range(200):
+        second.publish(encode_joint_state(JointSample(10**6 + k, 0, 0, (), ())))
+        scene.send(range(300 + k, 301 + k))
+    scene.node.destroy_publisher(second)
+    scene.send(range(500, 1000))
+    scene.until(lambda: scene.health[-1].messages_written >= 1200 + 100)
+    assert scene.health[-1].messages_dropped == 0
+    assert scene.end(signal.SIGINT)[0] == 0
+
+
+def test_the_page_about_the_recorder_has_its_parameters_and_their_defaults():
+    page = (Path(__file__).parents[4] / "docs" / "simulation.md").read_text().split("## The recorder")[1]
+    rows = [[part.strip() for part in line.split("|")] for line in page.split("## ")[0].splitlines() if "| `" in line]
+    told: dict[str, str] = {}
+    for _, names, defaults, meaning, _ in rows:
+        if "topics.NAME" in names:
+            told |= {f"topics.{name}": name for name in re.findall(r"`(\w+)`", meaning)}
+        else:
+            words = ["" if word == "empty" else word.strip("`") for word in defaults.split(", ")]
+            told |= dict(zip(re.findall(r"`(\w+)`", names), words, strict=True))
+    assert set(told) == set(PARAMETERS)
+    free = {name: word for name, word in told.items() if not name.startswith("topics.")}
+    assert free == {name: str(PARAMETERS[name][0]) for name in free}
 
 
 @pytest.mark.parametrize(

@@ -59,7 +59,9 @@ def node(monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeNode]:
 
 
 def stream_of(node: FakeNode) -> Samples:
-    return Samples(node, QoSProfile(depth=12), lambda sample: node.judged.append(sample.stamp_ns - BEGIN_NS))
+    samples = Samples(node, QoSProfile(depth=12), lambda sample: node.judged.append(sample.stamp_ns - BEGIN_NS))
+    samples.open()
+    return samples
 
 
 def message(after_ns: int, size: int = 2) -> bytes:
@@ -135,3 +137,19 @@ def test_what_is_too_large_or_no_joint_state_is_not_read_and_counts_as_bad(node:
     assert node.judged == [-BEGIN_NS] * 4  # stamp zero: the intake rejects it
     assert str(MOST_BYTES) in node.warnings[0]
     assert len(node.warnings) == 4
+
+
+def test_what_comes_while_it_is_closed_and_what_was_held_before_is_never_judged(node: FakeNode):
+    stream = stream_of(node)
+    sent = send(node, stream, BURST + 1, 1e9)
+    assert node.judged == sent[:-1]  # the last one is held
+    stream.close()
+    node.now_ns = LATE_NS + 1
+    node.queue.waiting = [message(1_000_000)]
+    stream.subscription.callback(message(0))
+    stream.open()
+    stream.settle()
+    assert node.judged == sent[:-1]
+    assert len(node.queue.waiting) == 1
+    node.queue.waiting = []
+    assert send(node, stream, 1, 1000.0) == node.judged[BURST:]

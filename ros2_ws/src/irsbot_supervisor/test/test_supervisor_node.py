@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+import os
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from itertools import count
@@ -21,6 +24,7 @@ from irsbot_msgs.srv import CheckTrajectory
 from lifecycle_msgs.msg import Transition
 from rclpy.duration import Duration
 from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.utilities import get_rmw_implementation_identifier
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectoryPoint
@@ -89,10 +93,12 @@ def test_ten_bad_samples_are_never_called_ok_and_good_ones_are_again(
 ):
     turns = count()
     before = len(cell.states)
-    cell.say = lambda t: make(t) if next(turns) < 10 else sample(t, GOOD)
+    # A busy machine may skip all ten for a newer one: then ten more come, after half a second of good ones.
+    cell.say = lambda t: make(t) if next(turns) % 250 < 10 else sample(t, GOOD)
     heard = cell.heard(lambda verdict: bool(verdict.causes & cause), str(cause))
     assert heard[-1].level == Level.UNKNOWN
     after = cell.heard(lambda verdict: verdict.level == Level.OK, "recovery")
+    cell.say = resting(GOOD)
     assert all(verdict.level == Level.UNKNOWN for verdict in after[:-1])
     cell.wire.until(lambda: any(state.causes & cause for state in cell.states[before:]))
     judged = [state for state in cell.states[before:] if state.causes & cause]
@@ -106,13 +112,18 @@ def test_joints_in_another_order_and_among_others_are_taken_by_name(cell: Cell):
     mixed = ("joint_2", "gripper", "joint_1")
     cell.say = lambda t: JointSample(t, 0, 0, mixed, (GOOD[1], 9.0, GOOD[0]), (0.0, 5.0, 0.0))
     start = len(cell.states)
-    cell.wire.until(lambda: len(cell.states) > start + 100)
+
+    def good(begin: int) -> int:
+        return [state.level for state in cell.states[begin:]].count(Level.OK)
+
+    cell.wire.until(lambda: good(start) > 100)
+    turned = len(cell.states)
     cell.say = lambda t: sample(t, GOOD[::-1], names=NAMES[::-1])
-    cell.wire.until(lambda: len(cell.states) > start + 200)
+    cell.wire.until(lambda: good(turned) > 100)
     for state in cell.states[start:]:
         assert state.joint_position == GOOD
         assert state.pose == pytest.approx(there.pose, abs=1e-12)
-        assert state.level == Level.OK
+        assert state.level == Level.OK or state.causes == Cause.STALE  # a busy machine may be late
 
 
 def test_silence_is_unknown_from_the_stale_limit_on_and_ends_with_the_next_good_samples(cell: Cell):
@@ -166,6 +177,8 @@ def test_a_latched_stop_survives_a_change_of_settings_and_ends_by_the_right_rese
     stop = cell.heard_level(Level.STOP)
     assert stop.latched
     assert stop.event == 1
+    cell.logged("a stop is latched, event 1, level ")
+    assert "Type 1 margin 0.1215, limit 0.1500" in cell.printed
     assert stop.causes & (Cause.TYPE1 | Cause.TYPE2)
 
     answer = cell.reset(1)
@@ -173,9 +186,11 @@ def test_a_latched_stop_survives_a_change_of_settings_and_ends_by_the_right_rese
     assert "cause is still there" in answer.message
 
     assert cell.set(type1_stop=0.01, type2_stop=0.01) == (True, "")
+    cell.logged("type1_stop 0.15 -> 0.01, type2_stop 0.15 -> 0.01")
     cell.heard(lambda verdict: verdict.config_hash != stop.config_hash)
     kept = cell.heard_many(20)
-    assert all(verdict.latched and verdict.event == 1 and verdict.level == Level.STOP for verdict in kept)
+    assert all(verdict.latched and verdict.event == 1 for verdict in kept)
+    assert all(v.level == Level.STOP or (v.level == Level.UNKNOWN and v.causes & Cause.STALE) for v in kept)
     assert cell.set(type1_stop=0.15, type2_stop=0.15) == (True, "")
 
     cell.say = going(NEAR, GOOD, time.time_ns(), 1.0)
@@ -191,9 +206,12 @@ def test_a_latched_stop_survives_a_change_of_settings_and_ends_by_the_right_rese
     wrong = cell.reset(2)
     assert not wrong.accepted
     assert "event 2" in wrong.message
+    cell.heard_level(Level.STOP)  # what was not known a moment ago is over
     right = cell.reset(1)
     assert right.accepted, right.message
     assert right.message == ""
+    cell.logged("reset of event 1: accepted")
+    assert cell.printed.count("a stop is latched") == 1
     ended = cell.heard_level(Level.OK)
     assert not ended.latched
     again = cell.reset(1)
@@ -201,37 +219,87 @@ def test_a_latched_stop_survives_a_change_of_settings_and_ends_by_the_right_rese
     assert "nothing to reset" in again.message
 
 
+def silent(cell: Cell) -> bool:
+    """Whether the supervisor has nothing to speak with."""
+    return not any(cell.node.count_publishers(f"supervisor/{topic}") for topic in ("verdict", "state", "journal"))
+
+
+ANEW = (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP, Transition.TRANSITION_CONFIGURE)
+"""From active to inactive by the longer way."""
+
+
 def test_only_an_active_supervisor_speaks_and_every_activation_begins_with_unknown(wire: Wire):
     cell = Cell(wire)
     cell.heard_level(Level.OK)
 
-    def silent() -> bool:
-        return not cell.node.count_publishers("supervisor/verdict") + cell.node.count_publishers("supervisor/state")
-
     def begins_with_unknown() -> bool:
-        """It knows nothing of before: as long as no joint states come, no verdict can be another."""
+        """As after a silence: as long as no joint states come, no verdict can be another."""
         begin = cell.heard_many(10)
         cell.say = resting(GOOD)
         cell.heard_level(Level.OK)
-        return all((verdict.level, verdict.causes) == (Level.UNKNOWN, Cause.NO_DATA) for verdict in begin)
+        return all((verdict.level, verdict.causes) == (Level.UNKNOWN, Cause.STALE) for verdict in begin)
 
-    assert cell.change(Transition.TRANSITION_DEACTIVATE)
-    cell.wire.until(silent, "silence")
-    assert not cell.change(Transition.TRANSITION_DEACTIVATE)  # it is not active
-    assert cell.set(type1_warn=0.3) == (True, "")  # for the next activation
     cell.say = lambda t: None
+    cell.heard_level(Level.UNKNOWN)
+    assert cell.change(Transition.TRANSITION_DEACTIVATE)
+    cell.wire.until(lambda: silent(cell), "silence")
+    assert not cell.change(Transition.TRANSITION_DEACTIVATE)  # it is not active
+    for answer in (cell.reset(0), check(cell, GOOD)):
+        assert answer.message == "the supervisor is not active"
+    assert cell.set(type1_warn=0.3) == (True, "")  # for the next activation
+    before = cell.verdicts[-1].config_hash
     assert cell.change(Transition.TRANSITION_ACTIVATE)
     assert begins_with_unknown()
-    assert cell.change(Transition.TRANSITION_DEACTIVATE)
-    assert cell.change(Transition.TRANSITION_CLEANUP)
-    cell.wire.until(silent, "silence")
-    assert cell.change(Transition.TRANSITION_CONFIGURE)
-    assert silent()
+    assert cell.verdicts[-1].config_hash != before
     cell.say = lambda t: None
+    cell.heard_level(Level.UNKNOWN)
+    assert all(map(cell.change, ANEW))
+    cell.wire.until(lambda: silent(cell), "silence")
     assert cell.change(Transition.TRANSITION_ACTIVATE)
     assert begins_with_unknown()
     assert cell.change(Transition.TRANSITION_ACTIVE_SHUTDOWN)
-    cell.wire.until(silent, "silence")
+    cell.wire.until(lambda: silent(cell), "silence")
+
+
+def test_a_latched_stop_and_its_number_outlive_every_transition(wire: Wire):
+    cell = Cell(wire)
+    cell.say = resting(NEAR)
+    assert cell.heard_level(Level.STOP).event == 1
+    cell.say = going(NEAR, GOOD, time.time_ns(), 1.0)
+    cell.wire.until(lambda: cell.states[-1].level == Level.OK and cell.states[-1].joint_position == GOOD)
+    start, sequence = len(cell.verdicts), cell.states[-1].sequence
+    for way in (ANEW[:1], ANEW):
+        assert all(map(cell.change, way))
+        cell.wire.until(lambda: silent(cell), "silence")
+        assert cell.change(Transition.TRANSITION_ACTIVATE)
+        judged = len(cell.states)
+        cell.wire.until(lambda judged=judged: len(cell.states) > judged + 10)
+    assert all(verdict.latched and verdict.event == 1 for verdict in cell.verdicts[start:])
+    assert all(verdict.level >= Level.STOP for verdict in cell.verdicts[start:])
+    assert cell.states[-1].sequence > sequence  # a bag of it all is one story
+    cell.heard_level(Level.STOP)  # what was not known a moment ago is over
+    right = cell.reset(1)
+    assert right.accepted, right.message
+    cell.heard_level(Level.OK)
+    cell.say = going(GOOD, NEAR, time.time_ns(), 1.0)
+    cell.heard_level(Level.STOP)
+    assert all(map(cell.change, ANEW))
+    assert cell.change(Transition.TRANSITION_ACTIVATE)
+    assert cell.heard_many(1)[-1].event == 2
+    cell.heard_level(Level.STOP)
+    assert "event 1 is not the stop in force" in cell.reset(1).message
+
+
+def test_a_deactivation_with_samples_in_the_queue_raises_nothing(wire: Wire):
+    cell = Cell(wire)
+    cell.clock = lambda: time.time_ns() - 10_000_000  # late: the supervisor looks into its queue for a newer sample
+    for _ in range(10):
+        cell.heard_level(Level.OK)
+        assert cell.change(Transition.TRANSITION_DEACTIVATE)
+        assert cell.change(Transition.TRANSITION_ACTIVATE)
+    assert cell.suite.stop() == {"supervisor": 0}
+    assert "rror" not in cell.printed
+    assert "FATAL" not in cell.printed
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -242,6 +310,36 @@ def test_a_signal_ends_the_process_with_exit_code_0(wire: Wire, number: signal.S
     process.send_signal(number)
     assert process.wait(PATIENCE_S) == 0
     assert "Traceback" not in cell.printed
+
+
+LEAVING = """
+import atexit, pathlib
+from irsbot_supervisor.nodes.supervisor import main
+
+def threads():
+    return " ".join(comm.read_text().strip() for comm in pathlib.Path("/proc/self/task").glob("*/comm"))
+
+atexit.register(lambda: print(threads(), flush=True))
+main()
+"""
+
+
+@pytest.mark.skipif("fastrtps" not in get_rmw_implementation_identifier(), reason="the threads of Fast DDS have names")
+@pytest.mark.parametrize(("given", "code"), [("type1_warn:=0.3", 0), ("type1_warn:=0.01", 2)])
+def test_a_supervisor_that_ends_or_was_refused_has_left_the_domain(wire: Wire, given: str, code: int):
+    """One that has not is seen by others for half a minute, and the next one is the second of its name."""
+    command = [sys.executable, "-c", LEAVING, "--ros-args", "-p", given]
+    environment = {**os.environ, "ROS_DOMAIN_ID": str(wire.domain)}
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, env=environment) as process:
+        assert process.stderr is not None
+        said = next(line for line in process.stderr if "supervising" in line or "type1_warn" in line)
+        assert ("supervising" in said) == (code == 0)
+        process.send_signal(signal.SIGINT)
+        threads, _ = process.communicate(timeout=PATIENCE_S)
+        assert process.returncode == code
+        assert "python" in threads
+        assert "dds." not in threads
 
 
 def check(cell: Cell, *goals: tuple[float, ...]) -> CheckTrajectory.Response:
@@ -315,30 +413,41 @@ def test_simulated_time_may_pause_and_start_again(wire: Wire):
     cell.say, running[0] = resting(GOOD), True
     cell.heard_level(Level.OK)
 
-    for paused_before in (False, True):
+    def recovers(paused_before: bool) -> bool:
+        """Whether it is OK again within half a second of a loop, by the steady clock, which processes share."""
         running[0] = not paused_before
         if paused_before:
             cell.heard_level(Level.UNKNOWN)
-        now_ns[0], running[0] = begin_ns, True
+        end_ns, now_ns[0], running[0] = now_ns[0], now_ns[0] - 10 * 10**9, True
         looped_ns = time.monotonic_ns()
-        again = cell.heard(lambda v: v.level == Level.OK and begin_ns <= v.stamp_ns < begin_ns + 10**9)[-1]
-        assert again.since_ns - looped_ns <= 500_000_000  # both steady clock, which processes share
-        wire.until(lambda: now_ns[0] > begin_ns + 10**9)
+        begin, most_ns = len(cell.verdicts), end_ns - 5 * 10**9
+        wire.until(lambda: now_ns[0] > end_ns - 9 * 10**9, "a second of the loop")
+        good = [v for v in cell.verdicts[begin:] if v.level == Level.OK and 0 < v.stamp_ns < most_ns]
+        cell.heard_level(Level.OK)
+        return bool(good) and good[0].since_ns - looped_ns <= 500_000_000
+
+    for paused_before in (False, True):  # a busy machine may be silent in between, but not time and again
+        assert any(recovers(paused_before) for _ in range(4))
 
 
 Statuses = list[dict[str, tuple[bytes, str]]]
 """Level and sentence of every check, message after message."""
 
 
-@pytest.fixture(scope="module")
-def diagnostics(shared: Cell) -> Statuses:
+def statuses_of(cell: Cell) -> Statuses:
+    """What a supervisor says of its checks, from now on."""
     heard: Statuses = []
 
     def hear(message: DiagnosticArray) -> None:
         heard.append({status.name.split(": ")[1]: (status.level, status.message) for status in message.status})
 
-    shared.node.create_subscription(DiagnosticArray, "/diagnostics", hear, 10)
+    cell.node.create_subscription(DiagnosticArray, "/diagnostics", hear, 10)
     return heard
+
+
+@pytest.fixture(scope="module")
+def diagnostics(shared: Cell) -> Statuses:
+    return statuses_of(shared)
 
 
 def test_diagnostics_have_one_status_per_check(cell: Cell, diagnostics: Statuses):
@@ -350,6 +459,16 @@ def test_diagnostics_have_one_status_per_check(cell: Cell, diagnostics: Statuses
     cell.wire.until(lambda: diagnostics[-1]["joint states"][0] == b"\x03")
     assert "nan" in diagnostics[-1]["joint states"][1]
     assert diagnostics[-1]["margins"] == (b"\x00", "OK")
+
+
+def test_diagnostics_of_a_latched_stop_say_so(wire: Wire):
+    cell = Cell(wire)
+    heard = statuses_of(cell)
+    cell.say = resting(NEAR)
+    cell.wire.until(lambda: heard and heard[-1]["supervisor"][0] == b"\x02")
+    assert heard[-1]["supervisor"][1].startswith("a stop is latched, event 1: ")
+    assert "Type 1 margin 0.1215, limit 0.1500" in heard[-1]["supervisor"][1]
+    assert heard[-1]["margins"][0] == b"\x02"
 
 
 def test_a_second_publisher_of_joint_states_is_reported_with_its_name(cell: Cell, diagnostics: Statuses):
@@ -391,7 +510,7 @@ def test_markers_show_level_margin_and_the_way_out(wire: Wire):
     assert platform.color.g > platform.color.r
     assert "stop 0.040" in text.text  # the constraint margin governs here
     assert arrow.action == Marker.DELETE
-    cell.say = going(GOOD, NEAR, time.time_ns(), 1.0)
+    cell.say = going(GOOD, NEAR, time.time_ns(), 3.0)
     wire.until(lambda: drawn[-1].markers[2].action == Marker.ADD)
     platform, text, arrow = drawn[-1].markers
     assert platform.color.r > platform.color.g
@@ -405,9 +524,12 @@ def test_an_error_inside_is_an_unknown_verdict_and_the_node_goes_on(wire: Wire, 
     cell = Cell(wire, module="fake_failing_mechanism")
     cell.heard_level(Level.OK)
     start = len(cell.verdicts)
-    answer = check(cell, GOOD, (3.3, GOOD[1]))
-    assert not answer.safe
-    assert "a fake error of the mechanism" in answer.message
+    answers = [check(cell, GOOD, (3.3, GOOD[1]))]
+    while "ask while it stands" in answers[-1].message:  # a sample was late, on a busy machine
+        cell.heard_level(Level.OK)
+        answers.append(check(cell, GOOD, (3.3, GOOD[1])))
+    assert not answers[-1].safe
+    assert "a fake error of the mechanism" in answers[-1].message
     cell.wire.until(lambda: any(verdict.causes & Cause.INTERNAL for verdict in cell.verdicts[start:]))
     cell.heard_level(Level.OK)
     cell.say = going(GOOD, (3.0, GOOD[1]), time.time_ns(), 1.0)

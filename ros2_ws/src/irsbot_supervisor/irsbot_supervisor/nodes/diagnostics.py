@@ -35,7 +35,7 @@ _LEVELS = {
 
 
 class DiagnosticsPublisher:
-    """Remembers the newest verdict and reports it, with the counts of rejected samples."""
+    """Remembers the newest verdict and reports it, with the counts of rejected samples; silent without one."""
 
     def __init__(self, node: Node, settings: Settings, partners: Partners, samples: Samples, fail: Fail) -> None:
         self._node, self._partners, self._samples = node, partners, samples
@@ -43,13 +43,17 @@ class DiagnosticsPublisher:
         self._hardware = settings.robot
         self._verdict: Verdict | None = None
         self._supervisor: Supervisor | None = None
-        self.publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
-        self.timer = node.create_timer(PERIOD_S, guarded(self._report, fail), clock=steady)
+        node.create_timer(PERIOD_S, guarded(self._report, fail), clock=steady)
 
     def watch(self, verdict: Verdict, supervisor: Supervisor) -> None:
         """The newest verdict."""
         self._verdict, self._supervisor = verdict, supervisor
+
+    def forget(self) -> None:
+        """There is no verdict any more."""
+        self._verdict = None
 
     def _report(self) -> None:
         verdict, supervisor = self._verdict, self._supervisor
@@ -65,6 +69,8 @@ class DiagnosticsPublisher:
             status = DiagnosticStatus(level=_LEVELS[level], hardware_id=self._hardware)
             status.name = f"{self._node.get_fully_qualified_name()}: {check}"
             status.message = "; ".join(finding.text for finding in found) or "OK"
+            if check == "supervisor" and verdict.latched:
+                status.message = f"a stop is latched, event {verdict.event}: {verdict.text}"
             if check == "joint states":
                 rejected = supervisor.rejections.items()
                 status.values = [KeyValue(key=f"rejected {c.name}", value=str(n)) for c, n in rejected]
@@ -73,7 +79,7 @@ class DiagnosticsPublisher:
             status = DiagnosticStatus(level=status_level, hardware_id=self._hardware, message=text)
             status.name = f"{self._node.get_fully_qualified_name()}: {name}"
             message.status.append(status)
-        self.publisher.publish(message)
+        self._publisher.publish(message)
 
     def _rate(self) -> Finding:
         """Whether all samples could be judged since the last report."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from queue import SimpleQueue
-from threading import Thread
+from threading import Lock, Thread
 from typing import Any
 
 from builtin_interfaces.msg import Duration
@@ -32,9 +32,15 @@ Fail = Callable[[Exception], None]
 DEPTH = 10
 """Commands that may wait; only the newest counts."""
 
+LONGEST_NS = 2**31 * NS_PER_S
+"""ns: no later can a point of a trajectory be, as messages have it."""
+
+END_S = 1.0
+"""Longest that the end of the node waits for a command that is being looked at."""
+
 
 class CommandGate:
-    """Listens to commands while the supervisor is active."""
+    """Lets commands pass while it is open."""
 
     def __init__(
         self, node: LifecycleNode, settings: Settings, robot: Robot, supervisor: Supervisor, fail: Fail
@@ -46,13 +52,13 @@ class CommandGate:
         self._wanted: tuple[tuple[float, ...], int] | None = None  # commanded rates, and when
         self._stops = 0  # how often the level has risen to STOP or UNKNOWN
         self._stopped = True
+        self._open = False
+        self._out = Lock()  # held by whoever says something, so that nothing follows a hold that was known before
         self._work: SimpleQueue[tuple[Command, Situation, int] | None] = SimpleQueue()
-        self.trajectories = node.create_publisher(JointTrajectory, "command_out", DEPTH)
-        self.velocities = node.create_publisher(Float64MultiArray, "velocity_out", DEPTH)
-        self.subscriptions = (
-            node.create_subscription(JointTrajectory, "command_in", self._guarded(self._on_trajectory), DEPTH),
-            node.create_subscription(Float64MultiArray, "velocity_in", self._guarded(self._on_velocity), DEPTH),
-        )
+        self._trajectories = node.create_publisher(JointTrajectory, "command_out", DEPTH)
+        self._velocities = node.create_publisher(Float64MultiArray, "velocity_out", DEPTH)
+        node.create_subscription(JointTrajectory, "command_in", self._guarded(self._on_trajectory), DEPTH)
+        node.create_subscription(Float64MultiArray, "velocity_in", self._guarded(self._on_velocity), DEPTH)
         self._worker = Thread(target=self._certify, name="command gate", daemon=True)
         self._worker.start()
 
@@ -63,10 +69,22 @@ class CommandGate:
         self._motions = MotionGate(settings, self._robot)
         self._timeout_ns = round(settings.command_timeout_s * NS_PER_S)
 
+    def open(self) -> None:
+        """From now on commands count, and nothing of what was before: the robot may be elsewhere."""
+        self._gate = Gate(self._settings, self._robot.mechanism)
+        self._open = self._stopped = True
+
     def close(self) -> None:
-        """Ends the thread; publishers and subscriptions are the node's to destroy."""
+        """No command passes, not even one that is being looked at."""
+        with self._out:
+            self._open, self._wanted = False, None
+            self._stops += 1
+
+    def end(self) -> None:
+        """Ends the thread; a command that is still being looked at then has nobody who waits for it."""
+        self._drop()
         self._work.put(None)
-        self._worker.join()
+        self._worker.join(END_S)
 
     def beat(self, seen_ns: int) -> None:
         """With every heartbeat: velocities again, and a hold when a stop has come."""
@@ -75,7 +93,8 @@ class CommandGate:
     def _guarded(self, callback: Callable[[Any], None]) -> Callable[[Any], None]:
         def guarded(argument: Any) -> None:
             try:
-                callback(argument)
+                if self._open:
+                    callback(argument)
             except Exception as error:
                 self._fail(error)
 
@@ -85,8 +104,9 @@ class CommandGate:
         view = self._supervisor.view
         stopped = view is None or view.judgement.level >= Level.STOP
         if stopped and not self._stopped:
-            self._stops += 1
-            self._publish(None)
+            with self._out:
+                self._stops += 1
+                self._trajectories.publish(self._message(None))
         self._stopped = stopped
         if self._wanted is not None:
             self._pass_velocity(view, seen_ns)
@@ -101,8 +121,8 @@ class CommandGate:
         wanted, since_ns = self._wanted
         if now_ns - since_ns > self._timeout_ns:
             wanted, self._wanted = (0.0,) * len(self._settings.joint_names), None
-        allowed = self._gate.velocity(wanted, view)
-        self.velocities.publish(Float64MultiArray(data=list(allowed.rates)))
+        allowed = self._gate.velocity(wanted, view and view.aged(now_ns))
+        self._velocities.publish(Float64MultiArray(data=list(allowed.rates)))
         if allowed.text:
             self._node.get_logger().info(f"velocity command: {allowed.text}", throttle_duration_sec=1.0)
 
@@ -116,11 +136,15 @@ class CommandGate:
         if view is None:
             self._hold("the state of the robot is not known")
             return
-        limits, share = self._gate.limits(view), self._gate.share(view)
-        situation = Situation(view.at.joints, view.velocity, share, limits)
+        share, limits = self._gate.share(view), self._gate.limits(view)
+        situation = Situation(view.at, view.velocity, share, limits)
+        self._drop()
+        self._work.put((command, situation, self._stops))
+
+    def _drop(self) -> None:
+        """Forget the commands that wait."""
         while not self._work.empty():
             self._work.get()
-        self._work.put((command, situation, self._stops))
 
     def _certify(self) -> None:
         """The thread: one command after another, until there is None."""
@@ -128,25 +152,34 @@ class CommandGate:
             command, situation, stops = task
             try:
                 path, text = self._motions.motion(command, situation)
+                motion = self._message(path)
             except Exception as error:  # an error inside holds the robot
-                path, text = None, f"held: {type(error).__name__}: {error}"
-            if stops != self._stops:
-                path, text = None, "held: a stop came while the motion was looked at"
-            self._publish(path)
+                motion, text = self._message(None), f"held: {type(error).__name__}: {error}"
+            with self._out:
+                if not self._open:
+                    continue
+                if stops != self._stops:
+                    motion, text = self._message(None), "held: a stop came while the motion was looked at"
+                self._trajectories.publish(motion)
             if text:
                 self._node.get_logger().info(f"trajectory command: {text}")
 
     def _hold(self, text: str) -> None:
-        self._publish(None)
+        with self._out:
+            self._trajectories.publish(self._message(None))
         self._node.get_logger().warning(f"trajectory command: held: {text}")
 
-    def _publish(self, path: JointPath | None) -> None:
-        """A motion, without its first point, which is where the robot is; a message without points means hold."""
+    def _message(self, path: JointPath | None) -> JointTrajectory:
+        """A motion, without its first point, which is where the robot is; a message without points means hold. Raises
+        BadTrajectory if it takes longer than messages can say."""
         message = JointTrajectory(joint_names=list(self._settings.joint_names))
         if path is not None:
             for after_s, position, velocity in list(zip(path.times, path.positions, path.velocities, strict=True))[1:]:
-                sec, nanosec = sec_nanosec(round(after_s * NS_PER_S))
+                after_ns = round(after_s * NS_PER_S)
+                if not after_ns < LONGEST_NS:
+                    raise BadTrajectory(f"slowed down to what is allowed it takes {after_s:.3g} s")
+                sec, nanosec = sec_nanosec(after_ns)
                 point = JointTrajectoryPoint(positions=list(position), velocities=list(velocity))
                 point.time_from_start = Duration(sec=sec, nanosec=nanosec)
                 message.points.append(point)
-        self.trajectories.publish(message)
+        return message

@@ -51,13 +51,17 @@ class MarkersPublisher:
         self.verdict: Verdict | None = None
         self._node, self._mechanism, self._supervisor, self._frame = node, robot.mechanism, supervisor, frame
         self._place = (0.0, 0.0, 0.0)
-        self.publisher = node.create_publisher(MarkerArray, "~/markers", 1)
+        self._publisher = node.create_publisher(MarkerArray, "~/markers", 1)
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
-        self.timer = node.create_timer(PERIOD_S, guarded(self._draw, fail), clock=steady)
+        node.create_timer(PERIOD_S, guarded(self._draw, fail), clock=steady)
+
+    def forget(self) -> None:
+        """There is nothing to draw any more."""
+        self.state = self.verdict = None
 
     def _draw(self) -> None:
         state, verdict = self.state, self.verdict
-        if state is None or verdict is None or not self.publisher.get_subscription_count():
+        if state is None or verdict is None or not self._publisher.get_subscription_count():
             return
         if all(map(isfinite, state.pose)):
             self._place = in_space(self._mechanism, state.pose)
@@ -79,7 +83,7 @@ class MarkersPublisher:
             arrow.scale = Vector3(x=0.2 * size, y=0.4 * size)
         else:
             arrow.action = Marker.DELETE
-        self.publisher.publish(MarkerArray(markers=[platform, text, arrow]))
+        self._publisher.publish(MarkerArray(markers=[platform, text, arrow]))
 
     def _marker(self, number: int, kind: int, level: Level) -> Marker:
         red, green, blue = COLOURS[level]

@@ -15,7 +15,7 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
-from std_msgs.msg import String
+from std_msgs.msg import Float64MultiArray, String
 from trajectory_msgs.msg import JointTrajectory
 
 from irsbot_msgs_py.cdr import CdrError, decode_string
@@ -42,7 +42,22 @@ TOPICS: dict[str, tuple[str, Any, bool]] = {
     "joint_trajectory": ("joint_trajectory", JointTrajectory, False),
     "command_in": ("command_in", JointTrajectory, False),
     "command_out": ("command_out", JointTrajectory, False),
+    "velocity_in": ("velocity_in", Float64MultiArray, False),
+    "velocity_out": ("velocity_out", Float64MultiArray, False),
     "diagnostics": ("/diagnostics", DiagnosticArray, False),
+}
+# Parameter, its default, description and range. All are read at the start alone.
+PARAMETERS: dict[str, tuple[Any, str, tuple[float, float] | None]] = {
+    "output": ("", "new directory, or file with the suffix .mcap; empty: a dated one here", None),
+    "mode": ("all", "'all', or 'blackbox': only what surrounds a stop", None),
+    "flush_s": (0.02, "messages are taken and written this often [s]", (0.001, 0.25)),
+    "keep_s": (10.0, "how much before a stop is kept in mode blackbox [s]", (0.1, 3600.0)),
+    "after_s": (5.0, "how much after a stop is kept in mode blackbox [s]", (0.0, 3600.0)),
+    "keep_mib": (64, "most memory for what precedes a stop [MiB]", (1, 4096)),
+    "depth": (2000, "messages per topic that the middleware holds for us", (10, 100_000)),
+    "reserve_mib": (64, "recording ends before less is free [MiB]", (0, 10**6)),
+    "compression": ("", "of the chunks: '' or 'zstd'", None),
+    **{f"topics.{name}": (default, "topic to record", None) for name, (default, _kind, _latched) in TOPICS.items()},
 }
 VERDICT, JOURNAL = list(TOPICS).index("verdict"), list(TOPICS).index("journal")
 
@@ -53,39 +68,29 @@ class RecorderNode(Node):
     def __init__(self) -> None:
         super().__init__("recorder")
         self.exit_code: int | None = None
-        output = self._parameter("output", "", "new directory, or file with the suffix .mcap; empty: a dated one here")
-        mode = self._parameter("mode", "all", "'all', or 'blackbox': only what surrounds a stop")
-        period_s = self._parameter("flush_s", 0.02, "messages are taken and written this often [s]", (0.001, 0.25))
-        keep_s = self._parameter("keep_s", 10.0, "how much before a stop is kept in mode blackbox [s]", (0.1, 3600.0))
-        after_s = self._parameter("after_s", 5.0, "how much after a stop is kept in mode blackbox [s]", (0.0, 3600.0))
-        keep_mib = self._parameter("keep_mib", 64, "most memory for what precedes a stop [MiB]", (1, 4096))
-        depth = self._parameter("depth", 2000, "messages per topic that the middleware holds for us", (10, 100_000))
-        self._reserve_bytes = MIB * self._parameter(
-            "reserve_mib", 64, "recording ends before less is free [MiB]", (0, 10**6)
-        )
-        compression = self._parameter("compression", "", "of the chunks: '' or 'zstd'")
+        given = {name: self._parameter(name, *described) for name, described in PARAMETERS.items()}
+        mode, self._reserve_bytes = given["mode"], MIB * given["reserve_mib"]
         if mode not in ("all", "blackbox"):
             raise UsageError(f"mode is 'all' or 'blackbox', not '{mode}'")
-        self._box = BlackBox(int(keep_s * 1e9), int(after_s * 1e9), keep_mib * MIB) if mode == "blackbox" else None
+        keep_ns, after_ns = int(given["keep_s"] * 1e9), int(given["after_s"] * 1e9)
+        self._box = BlackBox(keep_ns, after_ns, given["keep_mib"] * MIB) if mode == "blackbox" else None
         self._stops = StopWatch()
         sources = [
-            Source(
-                self.resolve_topic_name(self._parameter(f"topics.{name}", default, "topic to record")), kind, latched
-            )
-            for name, (default, kind, latched) in TOPICS.items()
+            Source(self.resolve_topic_name(given[f"topics.{name}"]), kind, latched)
+            for name, (_default, kind, latched) in TOPICS.items()
         ]
-        target = Path(output or time.strftime("irsbot_%Y%m%d_%H%M%S"))
+        target = Path(given["output"] or time.strftime("irsbot_%Y%m%d_%H%M%S"))
         if lack := self._lack_of_space(target):
             raise UsageError(f"cannot record to '{target}': {lack}")
-        self._tape = TapeWriter(target, compression)
+        self._tape = TapeWriter(target, given["compression"])
         self._channels = [self._tape.channel(installed_topic(s.topic, _type(s.type), s.latched)) for s in sources]
         self._state, self._text, self._slowest_s = RecorderState.RECORDING, "", 0.0
         latest = QoSProfile(
             depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
         )
         self._health = self.create_publisher(RecorderHealthMsg, "~/health", latest)
-        self._taps = Taps(self, sources, depth)
-        self.create_timer(period_s, self._write)
+        self._taps = Taps(self, sources, given["depth"])
+        self.create_timer(given["flush_s"], self._write)
         self.create_timer(HEALTH_PERIOD_S, self._report)
         self._report()
         self.get_logger().info(f"recording to {self._tape.file.path}")
@@ -174,7 +179,7 @@ class RecorderNode(Node):
         self._slowest_s = 0.0
         self._health.publish(health_msg(record))
 
-    def _parameter(self, name: str, default: Any, text: str, limits: tuple[float, float] | None = None) -> Any:
+    def _parameter(self, name: str, default: Any, text: str, limits: tuple[float, float] | None) -> Any:
         descriptor = ParameterDescriptor(description=text, read_only=True)
         if limits is not None and isinstance(default, float):
             descriptor.floating_point_range = [FloatingPointRange(from_value=limits[0], to_value=limits[1])]

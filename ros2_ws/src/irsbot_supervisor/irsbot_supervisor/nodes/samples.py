@@ -26,7 +26,7 @@ MOST_BYTES = 65_536
 
 
 class Samples:
-    """Hands samples to `judge`: all of them as long as that can be done in time, then the newest.
+    """Hands samples to `judge` while open: all of them as long as that can be done in time, then the newest.
 
     What is skipped was true a moment ago and is not any more: where the robot is now, and how fast, decides whether it
     can still be stopped. Judging it all the same would delay that decision, with every sample more, and the heartbeat
@@ -39,6 +39,7 @@ class Samples:
         self._judge, self._depth = judge, qos.depth
         self._allowed, self._since_ns = float(BURST), time.monotonic_ns()
         self._held = b""  # the newest sample that has not been judged
+        self._open = False
         self.subscription = node.create_subscription(JointState, "joint_states", self._on_sample, qos, raw=True)
 
     def settle(self) -> None:
@@ -47,7 +48,17 @@ class Samples:
             held, self._held = self._held, b""
             self._judge(self._decoded(held))
 
+    def open(self) -> None:
+        """From now on."""
+        self._open = True
+
+    def close(self) -> None:
+        """What is held back is never judged: by the time of the next `open` it would look new."""
+        self._open, self._held = False, b""
+
     def _on_sample(self, data: bytes) -> None:
+        if not self._open:
+            return
         now_ns = time.monotonic_ns()
         self._allowed = min(self._allowed + (now_ns - self._since_ns) * 1e-9 * MOST_HZ, float(BURST))
         self._since_ns = now_ns

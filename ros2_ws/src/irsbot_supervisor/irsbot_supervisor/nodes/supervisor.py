@@ -4,22 +4,23 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable
-from typing import Any
+from dataclasses import asdict
 
-from irsbot_msgs.msg import SingularityState, Verdict
+from irsbot_msgs.msg import SingularityState
+from irsbot_msgs.msg import Verdict as VerdictMsg
 from irsbot_msgs.srv import CheckTrajectory, ResetStop
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.timer import Timer
 from std_msgs.msg import String
 
 from irsbot_kinematics import KinematicsError
 from irsbot_msgs_py.cdr import encode_state, encode_verdict
-from irsbot_msgs_py.records import Configure, Reset, Tick
+from irsbot_msgs_py.records import Configure, Reset, Tick, Verdict
 from irsbot_msgs_py.shell import run
 from irsbot_supervisor.core.pipeline import Event, Step, Supervisor
 from irsbot_supervisor.core.settings import InvalidSettings
@@ -33,6 +34,12 @@ from irsbot_supervisor.nodes.parameters import changed_settings, declare_setting
 from irsbot_supervisor.nodes.partners import Partners
 from irsbot_supervisor.nodes.samples import Samples
 
+PARAMETERS = {
+    "autostart": (True, "become active at the start, without waiting for transitions"),
+    "base_frame": ("base", "frame of ~/markers"),
+}
+"""Those that are no settings, with default and description."""
+
 STREAM = QoSProfile(depth=200, reliability=ReliabilityPolicy.RELIABLE)
 """Every sample counts as long as all can be judged in time."""
 
@@ -43,24 +50,41 @@ LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability
 REQUESTS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 """By default ten requests and ten answers are kept, and of a hundred clients at once most would wait for ever."""
 
+INACTIVE = "the supervisor is not active"
+"""What a service answers then."""
+
 JOURNAL = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class SupervisorNode(LifecycleNode):
-    """Judges while active. In any other state it is silent, and silence means stop."""
+    """Judges while active. In any other state it is silent, and silence means stop.
+
+    There is one supervisor from the birth of the node to its end: a latched stop and the number of the last one outlive
+    every transition of the life cycle, so that only a reset ends a stop, and an old number never fits a new one. So do
+    the node's parts, for the middleware keeps 2 kB of every dozen that come and go. States, verdicts and the journal
+    come and go with the activation: what a supervisor that sleeps has latched must not be heard.
+    """
 
     def __init__(self) -> None:
         super().__init__("supervisor")
         answer_every_request(self)
-        autostart = self.declare_parameter("autostart", True).value
-        described = ParameterDescriptor(description="frame of ~/markers", read_only=True)
-        self._frame = self.declare_parameter("base_frame", "base", described).value
+        autostart, self._frame = (
+            self.declare_parameter(name, default, ParameterDescriptor(description=text, read_only=True)).value
+            for name, (default, text) in PARAMETERS.items()
+        )
         self._settings, self._robot = declare_settings(self)
-        self._supervisor: Supervisor | None = None
-        self._gate: CommandGate | None = None
-        self._parts: list[tuple[Any, Callable[[Any], object]]] = []
+        self._supervisor = Supervisor(self._settings, self._robot)
+        self._active = False
+        self._told = 0  # event of the last stop that the log knows
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._heart: Timer | None = None
+        self._speech: list[Publisher] = []
+        self._samples = Samples(self, INLET, self._step)
+        self._diagnostics = DiagnosticsPublisher(self, self._settings, Partners(self), self._samples, self._fail)
+        self._markers = MarkersPublisher(self, self._robot, self._supervisor, self._frame, self._fail)
+        self._gate = CommandGate(self, self._settings, self._robot, self._supervisor, self._fail)
+        self.create_service(ResetStop, "~/reset", self._on_reset, qos_profile=REQUESTS)
+        self.create_service(CheckTrajectory, "~/check_trajectory", self._on_check, qos_profile=REQUESTS)
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
         if autostart:
@@ -70,38 +94,21 @@ class SupervisorNode(LifecycleNode):
     # --- life cycle --------------------------------------------------------------------------------------------
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Start with nothing known: UNKNOWN until good samples have arrived."""
-        self._supervisor = Supervisor(self._settings, self._robot)
-        publisher, kept = self.create_publisher, self._kept
-        self._states = kept(publisher(SingularityState, "~/state", STREAM), self.destroy_publisher)
-        self._verdicts = kept(publisher(Verdict, "~/verdict", LATCHED), self.destroy_publisher)
-        self._journal = kept(publisher(String, "~/journal", JOURNAL), self.destroy_publisher)
-        self._samples = Samples(self, INLET, self._step)
-        kept(self._samples.subscription, self.destroy_subscription)
-        self._diagnostics = DiagnosticsPublisher(self, self._settings, Partners(self), self._samples, self._fail)
-        kept(self._diagnostics.publisher, self.destroy_publisher)
-        kept(self._diagnostics.timer, self.destroy_timer)
-        self._markers = MarkersPublisher(self, self._robot, self._supervisor, self._frame, self._fail)
-        kept(self._markers.publisher, self.destroy_publisher)
-        kept(self._markers.timer, self.destroy_timer)
-        service = self.create_service
-        kept(service(ResetStop, "~/reset", self._on_reset, qos_profile=REQUESTS), self.destroy_service)
-        check = service(CheckTrajectory, "~/check_trajectory", self._on_check, qos_profile=REQUESTS)
-        kept(check, self.destroy_service)
-        self._gate = CommandGate(self, self._settings, self._robot, self._supervisor, self._fail)
-        for commands in self._gate.subscriptions:
-            kept(commands, self.destroy_subscription)
-        for allowed in (self._gate.trajectories, self._gate.velocities):
-            kept(allowed, self.destroy_publisher)
+        """Begin, or go on as after as long a gap between two samples: with UNKNOWN if it was a silence. A latched stop
+        stays."""
+        self._states = self._speaking(SingularityState, "~/state", STREAM)
+        self._verdicts = self._speaking(VerdictMsg, "~/verdict", LATCHED)
+        self._journal = self._speaking(String, "~/journal", JOURNAL)
         self._start_heart()
-        now = self._now()
-        self._note(configured(self._settings, self._robot, *now))
-        self._step(Tick(*now))  # silence counts from the moment in which the settings come into force
+        self._active = True
+        self._configure()
+        self._samples.open()
+        self._gate.open()
         self.get_logger().info(f"supervising {self._robot.name}, settings {self._settings.config_hash}")
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Fall silent; a latched stop is not remembered, the next activation starts at UNKNOWN."""
+        """Fall silent."""
         self._fall_silent()
         return super().on_deactivate(state)
 
@@ -112,26 +119,36 @@ class SupervisorNode(LifecycleNode):
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
         """An activation that failed half-way leaves nothing behind."""
+        self.get_logger().error("a transition failed with an error inside")
         self._fall_silent()
         return super().on_error(state)
 
     def close(self) -> None:
         """Called by the shell before the node is destroyed."""
         self._fall_silent()
+        self._gate.end()
+
+    def destroy_node(self) -> None:
+        """With the state machine, which holds on to the node and rclpy forgets: else it stays in the graph."""
+        self._state_machine.destroy_when_not_in_use()
+        super().destroy_node()
+
+    def _speaking(self, kind: type, topic: str, qos: QoSProfile) -> Publisher:
+        """A publisher until the node falls silent."""
+        self._speech.append(self.create_publisher(kind, topic, qos))
+        return self._speech[-1]
 
     def _fall_silent(self) -> None:
-        self._supervisor = None
-        if self._gate is not None:
-            self._gate.close()
-        for part, destroy in self._parts:
-            destroy(part)
-        self._parts, self._gate = [], None
+        """A beat of the heart may still come until the executor has noticed; it finds us inactive."""
+        self._active = False
         self._stop_heart()
-
-    def _kept(self, part: Any, destroy: Callable[[Any], object]) -> Any:
-        """A part of the active state, and how it goes."""
-        self._parts.append((part, destroy))
-        return part
+        self._samples.close()
+        self._gate.close()
+        self._diagnostics.forget()
+        self._markers.forget()
+        for publisher in self._speech:
+            self.destroy_publisher(publisher)
+        self._speech = []
 
     def _start_heart(self) -> None:
         """On the steady clock: simulated time may stand still, and the heart must not."""
@@ -149,10 +166,12 @@ class SupervisorNode(LifecycleNode):
         self._samples.settle()
         tick = Tick(*self._now())
         self._step(tick)
-        if self._gate is not None:
-            self._gate.beat(tick.seen_ns)
+        self._gate.beat(tick.seen_ns)
 
     def _on_reset(self, request: ResetStop.Request, response: ResetStop.Response) -> ResetStop.Response:
+        if not self._active:
+            response.message = INACTIVE
+            return response
         reset = Reset(*self._now(), request.event, request.operator_text, tuple(request.seed_pose))
         self._note(reset)
         step = self._step(reset)
@@ -169,8 +188,9 @@ class SupervisorNode(LifecycleNode):
         self, request: CheckTrajectory.Request, response: CheckTrajectory.Response
     ) -> CheckTrajectory.Response:
         """Only while the robot stands: a long answer delays the heartbeat, and a consumer then brakes."""
-        supervisor = self._supervisor
-        if supervisor is None or not supervisor.standing:
+        if not self._active:
+            return refused(response, INACTIVE)
+        if not self._supervisor.standing:
             return refused(response, "the robot is moving, or its state is not known: ask while it stands")
         try:
             return checked(self._robot, self._settings, request, response)
@@ -180,11 +200,10 @@ class SupervisorNode(LifecycleNode):
 
     def _step(self, event: Event) -> Step | None:
         """The one guard: an error inside becomes an UNKNOWN verdict and a log line."""
-        supervisor = self._supervisor
-        if supervisor is None:
+        if not self._active:
             return None
         try:
-            step = supervisor.step(event)
+            step = self._supervisor.step(event)
             if step.state is not None:
                 spent = (time.monotonic_ns() - event.seen_ns) * 1e-9
                 self._states.publish(encode_state(step.state._replace(compute_time=spent)))
@@ -192,18 +211,27 @@ class SupervisorNode(LifecycleNode):
             if step.verdict is not None:
                 self._verdicts.publish(encode_verdict(step.verdict))
                 self._markers.verdict = step.verdict
-                self._diagnostics.watch(step.verdict, supervisor)
+                self._diagnostics.watch(step.verdict, self._supervisor)
+                self._tell(step.verdict)
             return step
         except Exception as error:
             self._fail(error)
             return None
 
+    def _tell(self, verdict: Verdict) -> None:
+        """One line in the log for every stop that is latched."""
+        if verdict.latched and verdict.event != self._told:
+            self._told = verdict.event
+            text = f"a stop is latched, event {verdict.event}, level {verdict.level.name}: {verdict.text}"
+            self.get_logger().warning(text)
+
     def _fail(self, error: Exception) -> None:
         """An error in a callback: UNKNOWN, until a sample is judged without one."""
+        if not self._active:
+            return  # what it wanted to publish with is gone
         self.get_logger().error(f"{type(error).__name__}: {error}", throttle_duration_sec=1.0)
-        if self._supervisor is not None:
-            verdict = self._supervisor.fail(time.monotonic_ns(), f"{type(error).__name__}: {error}")
-            self._verdicts.publish(encode_verdict(verdict))
+        verdict = self._supervisor.fail(time.monotonic_ns(), f"{type(error).__name__}: {error}")
+        self._verdicts.publish(encode_verdict(verdict))
 
     # --- parameters --------------------------------------------------------------------------------------------
 
@@ -218,14 +246,20 @@ class SupervisorNode(LifecycleNode):
         settings = changed_settings(self._settings, self._robot, parameters)
         if settings is None:
             return
+        was, now = asdict(self._settings), asdict(settings)
+        changes = ", ".join(f"{name} {was[name]!r} -> {now[name]!r}" for name in now if now[name] != was[name])
         self._settings = settings
-        if self._supervisor is not None:
-            change = configured(settings, self._robot, *self._now())
-            self._note(change)
-            self._step(change)
-        if self._gate is not None:
-            self._gate.configure(settings)
+        self.get_logger().info(f"settings {settings.config_hash}: {changes or 'as before'}")
+        self._gate.configure(settings)
+        if self._active:
+            self._configure()
             self._start_heart()
+
+    def _configure(self) -> None:
+        """The settings come into force; before the first sample, silence counts from here."""
+        change = configured(self._settings, self._robot, *self._now())
+        self._note(change)
+        self._step(change)
 
     def _note(self, event: Configure | Reset) -> None:
         self._journal.publish(String(data=write_entry(event)))

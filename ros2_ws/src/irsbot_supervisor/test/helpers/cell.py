@@ -104,12 +104,13 @@ class Wire:
             self.executor.spin_until_future_complete(Future(), timeout_sec=0.01)
 
     def close(self) -> None:
-        for cell in self.cells:
-            cell.suite.stop()
+        """Leave before the others do: Fast DDS may wait for ever otherwise (irsbot_msgs_py.deadline)."""
         self.executor.shutdown()
         for cell in self.cells:
             cell.node.destroy_node()
         rclpy.shutdown(context=self.context)
+        for cell in self.cells:
+            cell.suite.stop()
 
     def __enter__(self) -> Wire:
         return self
@@ -126,6 +127,7 @@ class Cell:
         self.clock: Callable[[], int] = time.time_ns
         self.states: list[SingularityState] = []
         self.verdicts: list[Verdict] = []
+        self._clients: dict[str, Any] = {}
         self.node = rclpy.create_node("robot", namespace=namespace, context=wire.context)
         deep = QoSProfile(depth=1000)
         latched = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -149,6 +151,10 @@ class Cell:
         (log,) = self.wire.logs.glob(f"{self.node.get_namespace().strip('/') or 'alone'}/supervisor.log")
         return log.read_text()
 
+    def logged(self, words: str) -> None:
+        """Wait until the supervisor has printed something."""
+        self.wire.until(lambda: words in self.printed, words)
+
     def heard(self, happened: Callable[[Verdict], bool], what: str = "") -> list[Verdict]:
         """The verdicts from now on until one is as wanted, that one included."""
         start = len(self.verdicts)
@@ -157,8 +163,11 @@ class Cell:
         return fresh[: 1 + next(k for k, verdict in enumerate(fresh) if happened(verdict))]
 
     def heard_level(self, level: Level) -> Verdict:
-        """The first verdict of a level from now on."""
-        return self.heard(lambda verdict: verdict.level == level, level.name)[-1]
+        """The first verdict of a level from now on. A verdict below STOP is one of a state, which is heard as well."""
+        found = self.heard(lambda verdict: verdict.level == level, level.name)[-1]
+        if level < Level.STOP:
+            self.wire.until(lambda: self.states, "a state")
+        return found
 
     def heard_many(self, number: int) -> list[Verdict]:
         """So many verdicts, from now on."""
@@ -167,12 +176,13 @@ class Cell:
         return self.verdicts[start:]
 
     def call(self, kind: Any, name: str, request: Any) -> Any:
-        """The answer of a service."""
-        client = self.node.create_client(kind, name)
-        self.wire.until(client.service_is_ready, f"service {name}")
-        answer = client.call_async(request)
+        """The answer of a service. A client lasts as long as the cell: the answer to one that a busy server has not
+        discovered yet is lost."""
+        if name not in self._clients:
+            self._clients[name] = self.node.create_client(kind, name)
+        self.wire.until(self._clients[name].service_is_ready, f"service {name}")
+        answer = self._clients[name].call_async(request)
         self.wire.until(answer.done, f"answer of {name}")
-        self.node.destroy_client(client)
         return answer.result()
 
     def set(self, **values: Any) -> tuple[bool, str]:
@@ -187,8 +197,16 @@ class Cell:
         return result.successful, result.reason
 
     def reset(self, event: int, seed_pose: Floats = ()) -> Any:
+        """The answer to a reset, asked again as long as samples are missing, as they may be on a busy machine."""
         request = ResetStop.Request(event=event, operator_text="tested", seed_pose=seed_pose)
-        return self.call(ResetStop, "supervisor/reset", request)
+        answers: list[Any] = []
+
+        def judged() -> bool:
+            answers.append(self.call(ResetStop, "supervisor/reset", request))
+            return not any(words in answers[-1].message for words in ("no good sample", "silence", "no usable sample"))
+
+        self.wire.until(judged, "a reset that is judged by samples")
+        return answers[-1]
 
     def change(self, transition: int) -> bool:
         """One step of the life cycle, a constant of lifecycle_msgs/Transition."""

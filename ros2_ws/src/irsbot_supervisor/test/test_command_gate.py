@@ -1,0 +1,190 @@
+"""The command gate between two of its moments, with a stand-in for the node: what DDS and threads seldom show."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from threading import Condition, Event
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
+
+from builtin_interfaces.msg import Duration
+from std_msgs.msg import Float64MultiArray
+from supervised import feed, joints_of, ready, resting, sample, supervisor_of, tick
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from irsbot_msgs_py.records import Floats, Level
+from irsbot_supervisor.core.pipeline import Supervisor
+from irsbot_supervisor.nodes import gate as module
+from irsbot_supervisor.nodes.gate import CommandGate
+
+pytestmark = pytest.mark.ros
+
+PATIENCE_S = 20.0
+NEAR = (0.0, -1.198)
+"""A pose beyond the stop limit of Type 1."""
+
+
+class FakeNode:
+    """Keeps what is published by topic, hands over what is sent."""
+
+    def __init__(self) -> None:
+        self.said: dict[str, list[Any]] = {}
+        self.hears: dict[str, Any] = {}
+        self.log: list[str] = []
+        self.spoke = Condition()
+
+    def create_publisher(self, _kind: Any, topic: str, _qos: Any) -> Any:
+        said = self.said.setdefault(topic, [])
+
+        def publish(message: Any) -> None:
+            with self.spoke:
+                said.append(message)
+                self.spoke.notify_all()
+
+        return SimpleNamespace(publish=publish)
+
+    def create_subscription(self, _kind: Any, topic: str, callback: Any, _qos: Any) -> None:
+        self.hears[topic] = callback
+
+    def get_logger(self) -> Any:
+        def tell(text: str, **_more: Any) -> None:
+            self.log.append(text)
+
+        return SimpleNamespace(info=tell, warning=tell)
+
+
+class Opened:
+    """An open gate of a supervised robot."""
+
+    def __init__(self, supervisor: Supervisor) -> None:
+        self.node, self.errors = FakeNode(), []
+        node: Any = self.node
+        self.gate = CommandGate(node, supervisor.settings, supervisor.robot, supervisor, self.errors.append)
+        self.gate.open()
+
+    @property
+    def motions(self) -> list[int]:
+        """Numbers of points of what was published; 0 is a hold."""
+        return [len(message.points) for message in self.node.said["command_out"]]
+
+    def rates(self, *wanted: float) -> Floats:
+        self.node.hears["velocity_in"](Float64MultiArray(data=wanted))
+        return tuple(self.node.said["velocity_out"][-1].data)
+
+    def go(self, goal: Floats, first_ns: int = 10**9, last_s: int = 2) -> None:
+        """To the goal until `first_ns`, and stay there."""
+        message = JointTrajectory(joint_names=["joint_1", "joint_2"])
+        for after in (Duration(nanosec=first_ns), Duration(sec=last_s)):
+            message.points.append(JointTrajectoryPoint(positions=list(goal), time_from_start=after))
+        self.node.hears["command_in"](message)
+
+    def until_said(self, number: int) -> None:
+        with self.node.spoke:
+            heard = self.node.spoke.wait_for(lambda: len(self.motions) >= number, PATIENCE_S)
+        assert heard, f"{self.motions}, {self.node.log}, {self.errors}"
+
+
+@pytest.fixture
+def opened() -> Iterator[Opened]:
+    """At rest, far from every limit."""
+    gate = Opened(ready()[0])
+    yield gate
+    gate.gate.end()
+    assert gate.errors == []
+
+
+class Pause:
+    """Stops the gate's thread where it puts a motion into a message."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.reached, self.go_on = Event(), Event()
+        monkeypatch.setattr(module, "JointTrajectoryPoint", self._point)
+
+    def _point(self, **fields: Any) -> JointTrajectoryPoint:
+        self.reached.set()
+        assert self.go_on.wait(PATIENCE_S)
+        return JointTrajectoryPoint(**fields)
+
+
+def near_by(opened: Opened) -> Floats:
+    q = joints_of(opened.gate._supervisor, 0.0, -0.85)
+    return q[0] + 0.05, q[1]
+
+
+def test_a_stop_that_comes_while_a_motion_is_put_into_a_message_has_the_last_word(
+    opened: Opened, monkeypatch: pytest.MonkeyPatch
+):
+    supervisor = opened.gate._supervisor
+    opened.gate.beat(0)  # it has seen a robot that may move
+    pause = Pause(monkeypatch)
+    opened.go(near_by(opened))
+    assert pause.reached.wait(PATIENCE_S)
+    supervisor.step(sample(1, (float("nan"),) * 2))
+    opened.gate.beat(0)
+    pause.go_on.set()
+    opened.until_said(2)
+    assert opened.motions == [0, 0]
+    assert "a stop came" in opened.node.log[-1]
+
+
+def test_nothing_follows_the_end_of_an_activation(opened: Opened, monkeypatch: pytest.MonkeyPatch):
+    pause = Pause(monkeypatch)
+    opened.go(near_by(opened))
+    assert pause.reached.wait(PATIENCE_S)
+    opened.gate.close()
+    pause.go_on.set()
+    opened.gate.end()
+    assert opened.motions == []
+
+
+def test_the_end_does_not_wait_for_a_motion_that_takes_for_ever(opened: Opened, monkeypatch: pytest.MonkeyPatch):
+    pause = Pause(monkeypatch)
+    opened.go(near_by(opened))
+    assert pause.reached.wait(PATIENCE_S)
+    opened.go(near_by(opened))
+    opened.gate.close()
+    opened.gate.end()
+    assert opened.gate._worker.is_alive()
+    pause.go_on.set()
+    opened.gate._worker.join(PATIENCE_S)
+    assert not opened.gate._worker.is_alive()
+    assert opened.motions == []
+
+
+def test_a_motion_that_takes_longer_than_messages_can_say_is_held(opened: Opened):
+    opened.go(near_by(opened), last_s=2_000_000_000)
+    opened.until_said(1)
+    assert opened.node.said["command_out"][0].points[-1].time_from_start.sec == 2_000_000_000
+    opened.go(near_by(opened), first_ns=2_000_000, last_s=2_000_000_000)  # too fast: slowed down as a whole
+    opened.until_said(2)
+    assert opened.motions[1] == 0
+    assert "it takes" in opened.node.log[-1]
+
+
+def stopped() -> Supervisor:
+    supervisor = supervisor_of()
+    feed(supervisor, resting(-300, 0, joints_of(supervisor, *NEAR)))
+    supervisor.step(tick(0))
+    assert supervisor.view is not None
+    assert supervisor.view.judgement.level == Level.STOP
+    return supervisor
+
+
+def test_what_was_before_an_activation_does_not_count_in_it(monkeypatch: pytest.MonkeyPatch):
+    """A way out that had begun gives a robot that moves meanwhile no leave to go on."""
+    supervisor = stopped()
+    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic_ns=lambda: supervisor.view.seen_ns))
+    opened = Opened(supervisor)
+    away = tuple(0.2 * share for share in supervisor.view.judgement.escape)
+    assert any(opened.rates(*away))
+    opened.gate.close()
+    begin = tuple(q - 0.1 for q in joints_of(supervisor, 0.0, -0.85))
+    feed(supervisor, [sample(400 + ms, (begin[0] + 6e-4 * ms, begin[1] + 6e-4 * ms), (0.6, 0.6)) for ms in range(300)])
+    assert supervisor.view.judgement.level == Level.STOP
+    opened.gate.open()
+    assert not any(opened.rates(0.3, 0.3))
+    opened.gate.end()
