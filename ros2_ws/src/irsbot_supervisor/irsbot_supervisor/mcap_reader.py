@@ -81,6 +81,8 @@ class Loss:
         if not self:
             return "nothing lost"
         count = f"{'' if self.exact else 'at least '}{self.messages} message(s) lost"
+        if not self.exact and not self.messages:
+            count = "how many messages are lost is not known"
         unread = f", {self.bytes} bytes unreadable in {self.places} place(s)" if self.places else ""
         return count + unread + (", the end is missing because the file was never closed" if self.cut else "")
 

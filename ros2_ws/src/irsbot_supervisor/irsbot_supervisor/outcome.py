@@ -8,7 +8,7 @@ from typing import NamedTuple
 from irsbot_msgs_py.records import Cause, Configure, Level, SingularityState
 from irsbot_supervisor.core.intake import S
 from irsbot_supervisor.core.policy import KINDS, WORDS
-from irsbot_supervisor.replay import Recording
+from irsbot_supervisor.replay import SILENCE_NS, Recording
 from irsbot_supervisor.sim.scenarios import Expectation
 
 NAMES = ("type1", "type2", "constraint", "limb")
@@ -21,7 +21,7 @@ class Nearest(NamedTuple):
     kind: Cause
     value: float
     stop_limit: float
-    time_s: float  # since the first sample
+    time_s: float  # since the first joint state
 
     def __str__(self) -> str:
         return f"{WORDS[self.kind]} {self.value:.4f} at {self.time_s:.3f} s, stop limit {self.stop_limit:.4f}"
@@ -37,7 +37,8 @@ class Outcome(NamedTuple):
     stop_causes: int
     stop_text: str
     nearest: tuple[Nearest, ...]
-    false_stop: bool  # a STOP or UNKNOWN after work had begun
+    unknown_ns: int | None  # when the first UNKNOWN after work had begun reached the recorder
+    unknown_text: str
     fault: str  # empty, or what was not as expected
 
 
@@ -45,13 +46,11 @@ def outcome(recording: Recording, expect: Expectation) -> Outcome:
     """Times and margins of a run, held against what its scenario expects."""
     settings = next((entry.values for entry in recording.journal if isinstance(entry, Configure)), {})
     states = [state for state in recording.states if isfinite(state.type2_margin)]
-    begin_ns = recording.samples[0].stamp_ns
+    begin_ns = recording.begin_ns
     working = next((log for log, verdict in recording.verdicts if verdict.level < Level.STOP), None)
-    halts = [
-        (log, v) for log, v in recording.verdicts if working is not None and log > working and v.level > Level.WARN
-    ]
-    stops = [(log, verdict) for log, verdict in halts if verdict.level == Level.STOP]
-    stopped_ns, verdict = stops[0] if stops else (None, None)
+    later = [(log, verdict) for log, verdict in recording.verdicts if working is not None and log > working]
+    stopped_ns, verdict = next((heard for heard in later if heard[1].level == Level.STOP), (None, None))
+    unknown_ns, doubt = next((heard for heard in later if heard[1].level == Level.UNKNOWN), (None, None))
     crossed = next((state for state in states if state.level == Level.STOP), None)
     stood = _standstill(states, stopped_ns, float(settings.get("standstill_speed", 0.0)))
     found = Outcome(
@@ -62,20 +61,45 @@ def outcome(recording: Recording, expect: Expectation) -> Outcome:
         verdict.causes & ~int(Cause.LATCHED) if verdict else 0,
         verdict.text if verdict else "",
         _nearest(states, settings, begin_ns),
-        bool(halts),
+        unknown_ns,
+        doubt.text if doubt else "",
         "",
     )
     return found._replace(fault=_fault(found, expect, bool(states)))
 
 
 def _standstill(states: list[SingularityState], after_ns: int | None, slow: float) -> SingularityState | None:
-    """The first sample of the last rest: all later ones are slow too."""
-    rest = None
-    for state in reversed(states):
-        if after_ns is None or state.stamp_ns < after_ns or max(map(abs, state.joint_velocity)) > slow:
-            break
-        rest = state
-    return rest
+    """The first sample after the STOP at which all joints rest, whatever they do later."""
+    if after_ns is None:
+        return None
+    return next((s for s in states if s.stamp_ns >= after_ns and max(map(abs, s.joint_velocity)) <= slow), None)
+
+
+class Span(NamedTuple):
+    """A time with one verdict in force, ns, as the recorder heard it. level: None where a consumer heard too long of
+    nothing, which means stop."""
+
+    begin_ns: int
+    end_ns: int
+    level: Level | None
+
+
+def spans_heard(recording: Recording, end_ns: int) -> list[Span]:
+    """What a consumer heard from the first joint state until a time; nothing if the bag has no verdicts."""
+    heard = [(log, verdict.level) for log, verdict in recording.verdicts if log < end_ns]
+    if not heard:
+        return []
+    late = heard[0][0] > recording.begin_ns + SILENCE_NS
+    found = [Span(recording.begin_ns, heard[0][0], None if late else heard[0][1])]
+    for (log_ns, level), (next_ns, _level) in zip(heard, [*heard[1:], (end_ns, None)], strict=True):
+        silent_ns = min(log_ns + SILENCE_NS, next_ns)
+        for span in (Span(log_ns, silent_ns, level), Span(silent_ns, next_ns, None)):
+            if span.end_ns > max(span.begin_ns, recording.begin_ns):
+                if span.level == found[-1].level:
+                    found[-1] = found[-1]._replace(end_ns=span.end_ns)
+                else:
+                    found.append(span._replace(begin_ns=max(span.begin_ns, recording.begin_ns)))
+    return [span for span in found if span.end_ns > span.begin_ns]
 
 
 def _nearest(states: list[SingularityState], settings: dict[str, object], begin_ns: int) -> tuple[Nearest, ...]:
@@ -104,8 +128,15 @@ def _fault(found: Outcome, expect: Expectation, any_state: bool) -> str:
     if not any_state:
         return "the supervisor never judged a posture"
     beyond = [nearest for nearest in found.nearest if not nearest.value >= nearest.stop_limit]
+    if not expect.stop and found.stopped_ns is not None:
+        return f"a stop was called although the scenario expects none: {found.stop_text}"
+    allowed = expect.stop if expect.unknown is None else expect.unknown
+    if found.unknown_ns is not None and not allowed:
+        return f"the state of the robot was UNKNOWN although the scenario does not expect it: {found.unknown_text}"
+    if found.unknown_ns is None and expect.unknown:
+        return "the state of the robot was never UNKNOWN although the scenario expects it"
     if not expect.stop:
-        return "a stop was called although the run is free of singularities" if found.false_stop else ""
+        return ""
     if found.stopped_ns is None:
         return "the robot was not stopped"
     if expect.causes and not found.stop_causes & expect.causes:

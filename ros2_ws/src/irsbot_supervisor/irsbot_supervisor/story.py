@@ -12,7 +12,7 @@ from irsbot_msgs_py.records import Cause, Configure, Level
 from irsbot_supervisor.core.intake import S
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.mcap_writer import BagError
-from irsbot_supervisor.replay import Chapter, Judged, Recording, cause_names
+from irsbot_supervisor.replay import Assumption, Chapter, Judged, Recording, cause_names
 
 MEASURES = {
     "time_to_stop_s": "from the first STOP or UNKNOWN after work began until the joints stand, s",
@@ -53,6 +53,8 @@ class Story(NamedTuple):
     levels: tuple[Expected, ...] | None  # None: whatever comes
     measures: dict[str, Bounds]
     draft: bool
+    told: Assumption | None = None  # the robot of a bag that does not say it
+    namespace: str | None = None  # whose run it is, in a bag of several robots
 
 
 class Told(NamedTuple):
@@ -110,17 +112,15 @@ def _time_to_stop(recording: Recording, since_ns: int) -> float:
     """s until the joints first report that they stand, whatever the supervisor makes of it; infinite if never."""
     values = next((entry.values for entry in recording.journal if isinstance(entry, Configure)), {})
     slow = float(values.get("standstill_speed", Settings.standstill_speed))
-    # Joint states carry the recorder's clock, verdicts the supervisor's; its states carry both.
-    ahead_ns = recording.states[0].received_ns - recording.states[0].seen_ns if recording.states else 0
     for sample in recording.samples:
-        after_ns = sample.seen_ns - ahead_ns - since_ns
+        after_ns = sample.seen_ns - since_ns
         if after_ns >= 0 and sample.velocity and all(abs(rate) <= slow for rate in sample.velocity):
             return after_ns / S
     return inf
 
 
 def _end_ns(recording: Recording, judged: Judged) -> int:
-    last = recording.states[-1].seen_ns if recording.states else recording.samples[-1].seen_ns
+    last = recording.supervisions[-1].end_ns if recording.states else recording.samples[-1].seen_ns
     return max([last, *(chapter.since_ns for chapter in judged.chapters[-1:])])
 
 
@@ -141,15 +141,23 @@ def read_story(path: Path) -> Story:
         raise BagError(f"{path}: {wrong}") from None
 
 
-def write_draft(recording: Recording, judged: Judged, path: Path) -> None:
-    """What a run was, as an expectation file that a person has to read first. Raises BagError if there is a file."""
+def write_draft(
+    recording: Recording, judged: Judged, path: Path, assumed: Assumption | None = None, namespace: str | None = None
+) -> None:
+    """What a run was, as an expectation file that a person has to read first. assumed, namespace: as told to
+    `judge_again` and `read_recording`; the file says it from now on. Raises BagError if there is a file."""
     told = levels_of(judged.chapters)
-    begin = told[0].since_ns if told else 0
     found = {name: value for name, value in measures_of(recording, judged).items() if abs(value) < inf}
     stops = found.pop("false_stops", 0.0)
-    lines = [
-        f'  "draft": {json.dumps(DRAFT)}',
-        '  "story": [\n' + ",\n".join(_draft_line(t, begin) for t in told) + "\n  ]",
+    lines = [f'  "draft": {json.dumps(DRAFT)}']
+    if namespace is not None:
+        lines.append(f'  "namespace": {json.dumps(namespace)}')
+    if assumed is not None:
+        lines.append(f'  "robot": {json.dumps(assumed.robot)}')
+    if assumed is not None and assumed.settings:
+        lines.append(f'  "settings": {json.dumps(assumed.settings)}')
+    lines += [
+        '  "story": [\n' + ",\n".join(_draft_line(t, recording.begin_ns) for t in told) + "\n  ]",
     ]
     lines += [f'  "{name}": {json.dumps(_around(value, 0.0))}' for name, value in found.items()]
     if not stops:
@@ -165,7 +173,7 @@ def _draft_line(told: Told, begin_ns: int) -> str:
     said: dict[str, Any] = {"level": told.level.name}
     if told.causes:
         said["causes"] = cause_names(told.causes).split(", ")
-    return "    " + json.dumps({**said, "since_s": _around((told.since_ns - begin_ns) / S, 0.0)})
+    return "    " + json.dumps({**said, "since_s": _around((told.since_ns - begin_ns) / S, -inf)})
 
 
 def _around(value: float, least: float) -> list[float]:
@@ -177,15 +185,36 @@ class _Wrong(Exception):
 
 
 def _story(said: Any) -> Story:
-    _known(said, {"draft", "story", *MEASURES}, "the file")
+    _known(said, {"draft", "namespace", "robot", "settings", "story", *MEASURES}, "the file")
     story = said.get("story")
     if story is not None and not isinstance(story, list):
         raise _Wrong("story must be a list of levels")
+    if story == []:
+        raise _Wrong("story is empty, but a run has at least one level; leave story out to expect none in particular")
     levels = None if story is None else tuple(_level(entry, f"story[{k}]") for k, entry in enumerate(story))
     measures = {name: _bounds(said[name], name) for name in MEASURES if name in said}
+    if negative := [name for name, bounds in measures.items() if bounds.low < 0.0]:
+        raise _Wrong(f"{negative[0]} is never negative, got {said[negative[0]]!r}")
     if levels is None and not measures:
         raise _Wrong(f"nothing is expected: give story, or one of {', '.join(MEASURES)}")
-    return Story(levels, measures, "draft" in said)
+    return Story(
+        levels, measures, "draft" in said, _assumption(said), _text(said, "namespace", "a namespace of the bag")
+    )
+
+
+def _assumption(said: Any) -> Assumption | None:
+    robot, settings = _text(said, "robot", "the name of a preset or YAML file"), said.get("settings", {})
+    if not isinstance(settings, dict):
+        raise _Wrong(f"settings must be a mapping of settings, got {settings!r}")
+    if robot is None and settings:
+        raise _Wrong("settings need robot, whose they are")
+    return Assumption(robot, settings) if robot is not None else None
+
+
+def _text(said: Any, key: str, what: str) -> str | None:
+    if not isinstance(text := said.get(key), str | None):
+        raise _Wrong(f"{key} must be {what}, got {text!r}")
+    return text
 
 
 def _level(said: Any, where: str) -> Expected:

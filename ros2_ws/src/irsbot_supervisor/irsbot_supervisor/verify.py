@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from irsbot_supervisor.core.intake import S
-from irsbot_supervisor.replay import Chapter, Judged, Recording, cause_names
+from irsbot_supervisor.replay import Chapter, Judged, Recording, Supervision, cause_names
 from irsbot_supervisor.story import MEASURES, Expected, Story, Told, levels_of, measures_of
 
 
@@ -29,18 +29,24 @@ def against_recording(recording: Recording, judged: Judged) -> list[Check]:
 
 def _verdict_faults(recording: Recording, judged: Judged) -> list[str]:
     """Every recorded verdict must be a chapter of the replay, begun at the same time."""
+    parts = zip(recording.supervisions, judged.parts, strict=True)
+    return [fault for supervision, chapters in parts for fault in _unlike(supervision, chapters)]
+
+
+def _unlike(supervision: Supervision, chapters: Sequence[Chapter]) -> list[str]:
     known: dict[int, list[Chapter]] = {}
-    for chapter in judged.chapters:
+    for chapter in chapters:
         known.setdefault(chapter.since_ns, []).append(chapter)
     faults = []
     # What was before the recording is not known: neither the verdict then in force, nor what was held for a while.
-    heard = judged.chapters[1:] if recording.begun_late else judged.chapters
+    heard = chapters[1:] if supervision.begun_late else chapters
     first_ns = heard[0].since_ns if heard else 0
-    for _log_ns, verdict in recording.verdicts:
-        said = Chapter(verdict.since_ns, verdict.level, verdict.causes, verdict.latched, verdict.event, verdict.text)
-        if verdict.since_ns < first_ns or any(said.same_as(chapter) for chapter in known.get(verdict.since_ns, ())):
+    for _log_ns, verdict in supervision.verdicts:
+        since_ns = verdict.since_ns + supervision.ahead_ns
+        said = Chapter(since_ns, verdict.level, verdict.causes, verdict.latched, verdict.event, verdict.text)
+        if since_ns < first_ns or any(said.same_as(chapter) for chapter in known.get(since_ns, ())):
             continue
-        again = [chapter for chapter in judged.chapters if chapter.since_ns <= verdict.since_ns]
+        again = [chapter for chapter in chapters if chapter.since_ns <= since_ns]
         now = str(again[-1]) if again else "nothing"
         sample = f"sample stamped {verdict.stamp_ns / S:.6f}"
         faults.append(f"verdict {verdict.sequence} at {sample}: recorded {said}, judged again {now}")
@@ -49,8 +55,9 @@ def _verdict_faults(recording: Recording, judged: Judged) -> list[str]:
 
 def _state_faults(recording: Recording, judged: Judged) -> list[str]:
     faults = []
-    for state in recording.states:
-        again = judged.levels.get(state.sequence)
+    states = [(number, state) for number, one in enumerate(recording.supervisions) for state in one.states]
+    for number, state in states:
+        again = judged.levels.get((number, state.sequence))
         if again is not None and again != (state.level, state.causes):
             recorded = f"{state.level.name} ({cause_names(state.causes) or 'no cause'})"
             now = f"{again[0].name} ({cause_names(again[1]) or 'no cause'})"
@@ -61,28 +68,27 @@ def _state_faults(recording: Recording, judged: Judged) -> list[str]:
 
 
 def against_story(recording: Recording, judged: Judged, story: Story) -> list[Check]:
-    """The levels of a run and its measures against an expectation file. Times count from the first chapter."""
+    """The levels of a run and its measures against an expectation file. Times count from the first joint state."""
     if story.draft:
         fault = 'this is a draft, written by a program: a person has to read it and delete its line "draft"'
         return [Check("expected story", (fault,))]
     checks = []
     if story.levels is not None:
-        checks.append(Check("expected story", tuple(_level_faults(judged, story.levels))))
+        checks.append(Check("expected story", tuple(_level_faults(recording, judged, story.levels))))
     if story.measures:
         checks.append(Check("expected measures", tuple(_measure_faults(recording, judged, story))))
     return checks
 
 
-def _level_faults(judged: Judged, expected: Sequence[Expected]) -> list[str]:
+def _level_faults(recording: Recording, judged: Judged, expected: Sequence[Expected]) -> list[str]:
     told = levels_of(judged.chapters)
     wanted = _without_missing(expected, told)
-    begin = judged.chapters[0].since_ns if judged.chapters else 0
     faults = []
     if len(told) != len(wanted):
         names = (", ".join(entry.level.name for entry in entries) for entries in (wanted, told))
         faults.append("expected {}; found {}".format(*names))
     for number, (want, have) in enumerate(zip(wanted, told, strict=False), 1):
-        since_s, (low, high) = (have.since_ns - begin) / S, want.since_s
+        since_s, (low, high) = (have.since_ns - recording.begin_ns) / S, want.since_s
         if have.level != want.level:
             faults.append(f"chapter {number} at {since_s:.3f} s is {have.level.name}, expected {want.level.name}")
         elif have.causes & want.causes != want.causes:

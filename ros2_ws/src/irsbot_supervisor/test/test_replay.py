@@ -10,19 +10,25 @@ from xml.etree import ElementTree
 import pytest
 from typer.testing import CliRunner
 
-from irsbot_msgs_py.records import Cause, JointSample, Level, SingularityState, Verdict
+from irsbot_msgs_py.records import Cause, Configure, JointSample, Level, SingularityState, Verdict
 from irsbot_supervisor.cli.app import app
 from irsbot_supervisor.cli.replay import write_junit
 from irsbot_supervisor.closed_loop import cycles, record
+from irsbot_supervisor.core.intake import S
+from irsbot_supervisor.core.pipeline import Supervisor
+from irsbot_supervisor.journal import configured, write_entry
 from irsbot_supervisor.mcap_writer import BagError
-from irsbot_supervisor.replay import Judged, Recording, judge_again, read_recording
+from irsbot_supervisor.outcome import outcome
+from irsbot_supervisor.replay import Assumption, Judged, Recording, judge_again, read_recording
 from irsbot_supervisor.settings_file import read_settings, shipped_values
+from irsbot_supervisor.sim.scenarios import Expectation
 from irsbot_supervisor.sim.simulation import simulation_from
+from irsbot_supervisor.story import measures_of
 from irsbot_supervisor.tape import Tape, TapeWriter
 from irsbot_supervisor.verify import Check, against_recording
 
 Change = Callable[[object], object]
-SECONDS = 0.8
+SECONDS = 1.0
 RATE_HZ = 500.0
 
 
@@ -32,9 +38,9 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     settings, robot = read_settings("irsbot2")
     shipped = {key: shipped_values(robot)[key] for key in ("velocity_limit", "deceleration_limit")}
     simulation = simulation_from({**shipped, "rate_hz": RATE_HZ}, robot)
-    faults = "nan:at=0.2,count=1; drop:at=0.35,lasting=0.1; glitch:by=0.5,at=0.6,lasting=0.1"
+    faults = "nan:at=0.27,count=1; drop:at=0.45,lasting=0.1; glitch:by=0.5,at=0.8,lasting=0.1"
     target = tmp_path_factory.mktemp("bag") / "run.mcap"
-    record(cycles(simulation, robot, settings, faults, (0.75,)), SECONDS, robot, settings, target)
+    record(cycles(simulation, robot, settings, faults, (0.95,)), SECONDS, robot, settings, target)
     return target
 
 
@@ -120,6 +126,172 @@ def test_samples_that_the_bag_lacks_are_counted_and_so_are_those_that_nobody_jud
     assert (judged.missing, judged.unseen) == (2, 1)
 
 
+def active(supervisor: Supervisor, change: Configure, samples: list[JointSample], writer: TapeWriter) -> None:
+    """A supervisor from its activation until it falls silent, as its node publishes it."""
+    writer.add("supervisor/journal", write_entry(change), change.received_ns)
+    for event in (change, *samples):
+        step = supervisor.step(event)
+        if step.state is not None:
+            writer.add("supervisor/state", step.state, event.received_ns)
+        if step.verdict is not None:
+            writer.add("supervisor/verdict", step.verdict, event.received_ns)
+
+
+def in_two_activations(bag: Path, target: Path, *, restarted: bool, rebooted: bool = False) -> Path:
+    """The samples of the first 0.3 s, a gap, and the rest; a jump of the second part is latched in it. restarted: by
+    another supervisor with other settings instead of the same one. rebooted: its steady clock begins again, too."""
+    settings, robot = read_settings("irsbot2")
+    samples = read_recording(bag).samples
+    first, gap, second = samples[:150], samples[150:200], samples[200:]
+    if rebooted:
+        behind_ns = second[0].seen_ns - S
+        second = [sample._replace(seen_ns=sample.seen_ns - behind_ns) for sample in second]
+    supervisor = Supervisor(settings, robot)
+    with TapeWriter(target) as writer:
+        for sample in samples:
+            writer.add("joint_states", sample, sample.received_ns)
+        active(supervisor, configured(settings, robot, first[0].received_ns - 1, first[0].seen_ns - 1), first, writer)
+        if restarted:
+            settings = read_settings("irsbot2", {"dwell_s": 0.02})[0]
+            supervisor = Supervisor(settings, robot)
+        again = configured(settings, robot, gap[-1].received_ns + 1, second[0].seen_ns - 1)
+        active(supervisor, again, second, writer)
+    return target
+
+
+@pytest.mark.parametrize("rebooted", [False, True])
+def test_a_bag_with_two_supervisors_one_after_another_is_judged_by_two(
+    bag: Path, tmp_path: Path, rebooted: bool
+) -> None:
+    recording = read_recording(in_two_activations(bag, tmp_path / "b.mcap", restarted=True, rebooted=rebooted))
+    judged = judge_again(recording)
+    assert faults_of(recording, judged) == {"recorded verdicts": (), "recorded states": ()}
+    assert (judged.missing, judged.unseen) == (0, 50)
+    assert [len(one.states) for one in recording.supervisions] == [150, len(recording.samples) - 200]
+    assert [one.journal[0].values["dwell_s"] for one in recording.supervisions] == [0.05, 0.02]
+    assert len(judged.levels) == len(recording.states) == len(recording.samples) - 50
+    assert [part[0].level for part in judged.parts] == [Level.UNKNOWN, Level.UNKNOWN]
+    assert judged.parts[1][0].causes == Cause.NO_DATA
+    first_end_ns, silence = recording.supervisions[0].states[-1].received_ns, judged.parts[0][-1]
+    assert (silence.level, silence.since_ns) == (Level.UNKNOWN, first_end_ns + S // 10)  # nobody said anything
+
+
+def test_a_supervisor_that_goes_on_after_a_pause_is_the_same(bag: Path, tmp_path: Path) -> None:
+    recording = read_recording(in_two_activations(bag, tmp_path / "one.mcap", restarted=False))
+    judged = judge_again(recording)
+    assert faults_of(recording, judged) == {"recorded verdicts": (), "recorded states": ()}
+    assert (judged.missing, judged.unseen, len(judged.parts)) == (0, 50, 1)
+    assert any(chapter.causes & Cause.STALE for chapter in judged.chapters)  # the pause is a silence of the joints
+
+
+def test_times_count_from_the_first_joint_state_on_every_clock_and_in_every_output(bag: Path, tmp_path: Path) -> None:
+    """The supervisor is active half a second before, and its steady clock has nothing to do with the time of day."""
+    settings, robot = read_settings("irsbot2")
+    samples = [sample for sample in read_recording(bag).samples if sample.position[0] == sample.position[0]]
+    begin_ns, target = samples[0].stamp_ns, tmp_path / "early.mcap"
+    with TapeWriter(target) as writer:
+        for sample in samples:
+            writer.add("joint_states", sample, sample.received_ns)
+        change = configured(settings, robot, samples[0].received_ns - S // 2, samples[0].seen_ns - S // 2)
+        active(Supervisor(settings, robot), change, samples, writer)
+    recording = read_recording(target)
+    said = json.loads(CliRunner().invoke(app, ["replay", str(target), "--json"]).stdout)["chapters"]
+    found = outcome(recording, Expectation(stop=False))
+    assert said[0]["time_s"] == pytest.approx(-0.5)
+    assert said[1]["level"] == "OK"
+    assert said[1]["time_s"] == pytest.approx(2.0 * settings.stale_s + settings.dwell_s)  # after the first joint state
+    assert found.begin_ns == recording.begin_ns == begin_ns
+    unknown_ns = next(state.stamp_ns for state in recording.states if state.causes & Cause.IMPLAUSIBLE)
+    later = [row for row in said[2:] if "IMPLAUSIBLE" in row["causes"]]
+    assert later[0]["time_s"] == pytest.approx((unknown_ns - begin_ns) / S)
+    measured = measures_of(recording, judge_again(recording))
+    assert 0.0 < measured["hold_share"] < 1.0
+
+
+def test_an_altered_verdict_of_the_second_supervisor_is_found(bag: Path, tmp_path: Path) -> None:
+    both = in_two_activations(bag, tmp_path / "both.mcap", restarted=True)
+    began = 0
+
+    def lie(record: object) -> object:
+        nonlocal began
+        if isinstance(record, Verdict):
+            began += record.sequence == 1
+            if began == 2 and record.level == Level.OK:
+                return record._replace(level=Level.WARN)
+        return record
+
+    recording = read_recording(copied(both, tmp_path / "lie.mcap", lie))
+    faults = faults_of(recording, judge_again(recording))
+    assert faults["recorded states"] == ()
+    assert "recorded WARN" in faults["recorded verdicts"][0]
+
+
+@pytest.fixture(scope="module")
+def side_by_side(bag: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two robots of a kind in one bag: the one on the right does for half a second what the left one does."""
+    target = tmp_path_factory.mktemp("bag") / "two.mcap"
+    half_ns = read_recording(bag).samples[0].received_ns + S // 2
+    with Tape(bag) as tape, TapeWriter(target) as writer:
+        for entry in tape.records():
+            writer.add(f"/left/{entry.topic}", entry.record, entry.log_ns)
+            if entry.log_ns < half_ns:
+                writer.add(f"/cell/right/{entry.topic}", entry.record, entry.log_ns)
+    return target
+
+
+def test_each_of_several_robots_in_a_bag_is_judged_as_if_it_were_alone(bag: Path, side_by_side: Path) -> None:
+    with pytest.raises(BagError, match=r"namespaces /cell/right, /left; choose one with --namespace"):
+        read_recording(side_by_side)
+    with pytest.raises(BagError, match=r"no robot in the namespace /middle; there are robots in /cell/right, /left"):
+        read_recording(side_by_side, "middle")
+    left, right = read_recording(side_by_side, "left"), read_recording(side_by_side, "/cell/right/")
+    assert judge_again(left) == judge_again(read_recording(bag))
+    assert len(right.samples) < len(left.samples) == len(read_recording(bag).samples)
+    assert faults_of(right, judge_again(right)) == {"recorded verdicts": (), "recorded states": ()}
+
+
+def test_the_command_takes_the_namespace_and_info_lists_them(side_by_side: Path) -> None:
+    run = CliRunner()
+    assert run.invoke(app, ["replay", str(side_by_side), "--namespace", "left"]).exit_code == 0
+    assert run.invoke(app, ["replay", str(side_by_side)]).exit_code != 0
+    said = json.loads(run.invoke(app, ["info", str(side_by_side), "--json"]).stdout)
+    named = [(one["namespace"], one["robot"], one["joint_states"]) for one in said["robots"]]
+    assert named == [
+        ("/cell/right", "irsbot2", ["/cell/right/joint_states"]),
+        ("/left", "irsbot2", ["/left/joint_states"]),
+    ]
+    assert {one["config_hash"] for one in said["robots"]} == {read_settings("irsbot2")[0].config_hash}
+
+
+def test_the_namespace_is_kept_with_the_expectations(side_by_side: Path, tmp_path: Path) -> None:
+    run, expected = CliRunner(), tmp_path / "expected.json"
+    words = ["replay", str(side_by_side), "--namespace", "left", "--write-expect", str(expected)]
+    assert run.invoke(app, words).exit_code == 0
+    said = json.loads(expected.read_text())
+    assert said.pop("namespace") == "left"
+    del said["draft"]
+    expected.write_text(json.dumps({**said, "namespace": "/cell/right"}))
+    right = run.invoke(app, ["replay", str(side_by_side), "--expect", str(expected)])
+    assert right.exit_code == 1
+    assert "expected story" in str(right.exception)  # the right one's run is shorter
+    expected.write_text(json.dumps({**said, "namespace": "left"}))
+    assert run.invoke(app, ["replay", str(side_by_side), "--expect", str(expected)]).exit_code == 0
+
+
+def test_info_says_the_configuration_that_the_verdicts_of_a_bag_carry(bag: Path) -> None:
+    said = json.loads(CliRunner().invoke(app, ["info", str(bag), "--json"]).stdout)
+    assert said["config_hash"] == read_settings("irsbot2")[0].config_hash
+
+
+def test_joint_states_that_were_remapped_belong_to_the_only_supervisor(bag: Path, tmp_path: Path) -> None:
+    target = tmp_path / "remapped.mcap"
+    with Tape(bag) as tape, TapeWriter(target) as writer:
+        for entry in tape.records():
+            moved = isinstance(entry.record, JointSample)
+            writer.add("/drives/states" if moved else f"/{entry.topic}", entry.record, entry.log_ns)
+    assert judge_again(read_recording(target)) == judge_again(read_recording(bag))
+
+
 @pytest.mark.parametrize("share", [0.4, 0.6, 0.8])
 def test_a_bag_that_is_cut_off_is_judged_as_far_as_it_goes_and_the_loss_is_said(
     bag: Path, tmp_path: Path, share: float
@@ -136,15 +308,36 @@ def test_a_bag_that_is_cut_off_is_judged_as_far_as_it_goes_and_the_loss_is_said(
     assert [one.same_as(two) for one, two in zip(judged.chapters, whole.chapters, strict=False)].count(False) == 0
 
 
-def test_a_bag_of_joint_states_alone_is_judged_with_the_shipped_settings(bag: Path, tmp_path: Path) -> None:
-    alone = copied(bag, tmp_path / "alone.mcap", lambda record: record if isinstance(record, JointSample) else None)
-    recording = read_recording(alone)
+def samples_of(bag: Path, target: Path) -> Path:
+    """The joint states of a bag alone."""
+    return copied(bag, target, lambda record: record if isinstance(record, JointSample) else None)
+
+
+def test_a_bag_of_joint_states_alone_is_judged_with_the_settings_of_the_robot_it_is_said_to_be_of(
+    bag: Path, tmp_path: Path
+) -> None:
+    recording = read_recording(samples_of(bag, tmp_path / "alone.mcap"))
     assert not recording.states
-    judged = judge_again(recording)
+    with pytest.raises(BagError, match="--robot NAME"):
+        judge_again(recording)
+    judged = judge_again(recording, Assumption("irsbot2"))
     assert against_recording(recording, judged) == []
     again = [chapter.level for chapter in judged.chapters]
     assert Level.OK in again
     assert again[-1] == Level.UNKNOWN
+
+
+def test_told_settings_count_in_a_bag_of_joint_states_alone_and_nowhere_else(bag: Path, tmp_path: Path) -> None:
+    recording = read_recording(samples_of(bag, tmp_path / "alone.mcap"))
+    first_work = {}
+    for dwell_s in (0.05, 0.1):
+        chapters = judge_again(recording, Assumption("irsbot2", {"dwell_s": dwell_s})).chapters
+        first_work[dwell_s] = next(chapter.since_ns for chapter in chapters if chapter.level == Level.OK)
+    assert first_work[0.1] - first_work[0.05] == pytest.approx(0.05 * S)
+    with pytest.raises(BagError, match=r"nonsense"):
+        judge_again(recording, Assumption("irsbot2", {"nonsense": 1}))
+    with pytest.raises(BagError, match="says itself which robot"):
+        judge_again(read_recording(bag), Assumption("irsbot2"))
 
 
 def test_a_bag_without_joint_states_is_refused(bag: Path, tmp_path: Path) -> None:
@@ -177,6 +370,28 @@ def test_the_report_has_one_case_per_check_and_names_every_difference(tmp_path: 
     assert (failure.get("message"), failure.text) == ("first <&>", "first <&>\nsecond")
 
 
+def test_the_robot_that_was_told_once_is_kept_with_the_expectations(bag: Path, tmp_path: Path) -> None:
+    alone = str(samples_of(bag, tmp_path / "alone.mcap"))
+    limits, expected = tmp_path / "limits.yaml", tmp_path / "expected.json"
+    limits.write_text("dwell_s: 0.1")
+    run = CliRunner()
+    nothing = run.invoke(app, ["replay", alone])
+    assert nothing.exit_code != 0
+    assert "--robot NAME" in str(nothing.exception)
+    words = ["replay", alone, "--robot", "irsbot2", "--settings", str(limits), "--write-expect", str(expected)]
+    assert run.invoke(app, words).exit_code == 0
+    said = json.loads(expected.read_text())
+    assert (said["robot"], said["settings"]) == ("irsbot2", {"dwell_s": 0.1})
+    del said["draft"]
+    expected.write_text(json.dumps(said))
+    again = run.invoke(app, ["replay", alone])  # finds its expectations beside it
+    assert again.exit_code == 0, again.exception
+    assert "robot: irsbot2 with other settings" in again.stdout
+    other = run.invoke(app, ["replay", alone, "--robot", "irsbot2_beta45"])
+    assert other.exit_code == 1
+    assert "robot: irsbot2_beta45 with its shipped settings" in other.stdout
+
+
 def test_the_command_fails_with_the_first_difference_from_an_expectation_file(bag: Path, tmp_path: Path) -> None:
     story, report = tmp_path / "story.json", tmp_path / "report.xml"
     story.write_text(json.dumps({"story": [{"level": "UNKNOWN"}, {"level": "STOP"}]}))
@@ -188,3 +403,12 @@ def test_the_command_fails_with_the_first_difference_from_an_expectation_file(ba
     rows = json.loads(done.stdout)["checks"]
     assert [row["name"] for row in rows if row["faults"]] == ["expected story"]
     assert ElementTree.parse(report).getroot().get("failures") == "1"
+
+
+def test_the_page_of_a_run_tells_settings_with_their_units_and_where_times_begin(bag: Path, tmp_path: Path) -> None:
+    page = tmp_path / "run.html"
+    assert CliRunner().invoke(app, ["report", str(bag), "-o", str(page)]).exit_code == 0
+    text = page.read_text()
+    assert "<tr><td>stale_s</td><td>0.05</td><td>s</td></tr>" in text
+    assert "<tr><td>payload_kg</td><td>0.0</td><td>kg</td></tr>" in text
+    assert "Times count from the first joint state" in text

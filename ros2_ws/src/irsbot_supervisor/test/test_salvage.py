@@ -204,3 +204,5 @@ def test_info_says_what_is_in_a_bag_and_what_is_wrong_with_it(tmp_path: Path, ca
     bags.info(path, as_json=True)
     assert '"messages": 200' in (said := capsys.readouterr().out)
     assert '"cut": true' in said
+    assert "how many messages are lost is not known, the end is missing" in said
+    assert "at least 0" not in said

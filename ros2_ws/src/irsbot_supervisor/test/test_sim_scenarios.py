@@ -190,10 +190,15 @@ def test_motion_beyond_the_range_of_a_joint_is_refused(tmp_path):
 
 
 def test_a_robot_may_have_its_own_pieces_and_expectation(tmp_path):
-    own = {"start": [0.1, -0.7], "expect": {"stop": True, "causes": ["TYPE1"]}, "cycle": [{"wait": 1.0}]}
+    own = {
+        "start": [0.1, -0.7],
+        "expect": {"stop": True, "causes": ["TYPE1"], "unknown": False},
+        "cycle": [{"wait": 1.0}],
+    }
     scenario = read_scenario(written(tmp_path, robots={"irsbot2": own}))
     assert scenario.expect.stop
     assert scenario.expect.causes == Cause.TYPE1
+    assert scenario.expect.unknown is False
     assert len(scenario.cycle) == 1
 
 
@@ -206,7 +211,8 @@ def test_a_robot_may_have_its_own_pieces_and_expectation(tmp_path):
         ({"robots": {"irsbot2": {}}}, "needs start"),
         ({"cycle": None}, "needs start, and cycle or run"),
         ({"expect": {"stop": "yes"}}, "expect.stop must be true or false, got 'yes'"),
-        ({"expect": None}, "expected a mapping with the keys causes, stop"),
+        ({"expect": None}, "expected a mapping with the keys causes, stop, unknown"),
+        ({"expect": {"stop": False, "unknown": "no"}}, "expect.unknown must be true or false, got 'no'"),
         ({"expect": {"stop": True, "causes": ["TYPE3"]}}, "no cause 'TYPE3'; known are NONE, TYPE1"),
         ({"cycle": [{"by": [[0.1, 0.0]], "to": [[0.0, 0.0]]}]}, r"cycle\[0\]: a piece has exactly one of by, to"),
         ({"cycle": [{"by": [[0.1, 0.0]], "sped": 1.0}]}, "unknown key 'sped'"),

@@ -30,7 +30,7 @@ def recording_of(speeds: list[float], period_s: float = 0.1) -> Recording:
 
 
 def judged_of(*chapters: Chapter) -> Judged:
-    return Judged(list(chapters), {}, 0, 0)
+    return Judged([list(chapters)], {}, 0, 0)
 
 
 START = chapter(0.0, Level.UNKNOWN, Cause.NO_DATA)
@@ -168,6 +168,13 @@ def test_a_measure_that_a_run_does_not_have_is_out_of_any_bounds(tmp_path):
         ({"story": [{"level": "OK", "since_s": "1"}]}, "story[0].since_s"),
         ({"story": [{"level": "OK", "optional": 1}]}, "story[0].optional"),
         ({"hold_share": [True, 1]}, "hold_share must be"),
+        ({"story": []}, "story is empty"),
+        ({"false_stops": -1}, "false_stops is never negative, got -1"),
+        ({"hold_share": [-0.5, 1]}, "hold_share is never negative"),
+        ({"false_stops": 0, "namespace": 5}, "namespace must be a namespace of the bag, got 5"),
+        ({"false_stops": 0, "robot": 5}, "robot must be the name"),
+        ({"false_stops": 0, "robot": "irsbot2", "settings": []}, "settings must be a mapping"),
+        ({"false_stops": 0, "settings": {"dwell_s": 1}}, "settings need robot"),
         ('{"hold_share": [NaN, 1]}', "low not above high"),
     ],
 )

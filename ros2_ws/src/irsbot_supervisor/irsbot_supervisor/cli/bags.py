@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,10 +12,12 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
+from irsbot_msgs_py.cdr import CdrError, decode_state, decode_verdict
 from irsbot_supervisor.cli.common import Failed, existing, out, print_json
-from irsbot_supervisor.mcap_reader import Loss
+from irsbot_supervisor.mcap_reader import Loss, Message
+from irsbot_supervisor.replay import Sources, robots_in, supervisor_of
 from irsbot_supervisor.salvage import salvage as salvage_bag
-from irsbot_supervisor.tape import Tape
+from irsbot_supervisor.tape import STATE, VERDICT, Tape
 
 Bag = Annotated[Path, typer.Argument(help="bag folder or .mcap file, damaged or not")]
 AsJson = Annotated[bool, typer.Option("--json", help="print JSON")]
@@ -33,7 +37,11 @@ def info(bag: Bag, as_json: AsJson = False) -> None:
         table.add_row(topic["name"], topic["type"], str(topic["messages"]))
     out.print(table)
     out.print(f"{facts['messages']} messages in {facts['duration_s']:.3f} s, {facts['bytes']} bytes")
-    out.print(f"configuration {facts['config_hash'] or 'not recorded'}")
+    for robot in facts["robots"]:
+        known = f", configuration {robot['config_hash']}" if robot["config_hash"] and len(facts["robots"]) > 1 else ""
+        out.print(f"namespace {robot['namespace']}: robot {robot['robot'] or 'not recorded'}{known}")
+    if len(facts["robots"]) <= 1:
+        out.print(f"configuration {facts['config_hash'] or 'not recorded'}")
     out.print(f"damage: {facts['loss']['text']}", markup=False)
 
 
@@ -59,11 +67,16 @@ def _facts(bag: Path) -> dict[str, Any]:
     with Tape(bag) as tape:
         counts: Counter[str] = Counter()
         first_ns = last_ns = None
+        newest: dict[str, Message] = {}
         for message in tape.messages():
+            newest[message.topic] = message
             counts[message.topic] += 1
             first_ns = message.log_ns if first_ns is None else min(first_ns, message.log_ns)
             last_ns = message.log_ns if last_ns is None else max(last_ns, message.log_ns)
-        said = [record.metadata for reader in tape.readers for record in reader.metadata]
+        topics = [topic for topic in tape.topics() if counts[topic.name]]
+        robots = [_robot(namespace, found, newest) for namespace, found in robots_in(topics).items()]
+        attached = [record.metadata.get("config_hash") for reader in tape.readers for record in reader.metadata]
+        heard = [robot["config_hash"] for robot in robots] if len(robots) == 1 else []
         return {
             "bag": bag,
             "files": [reader.path for reader in tape.readers],
@@ -72,9 +85,24 @@ def _facts(bag: Path) -> dict[str, Any]:
             "start_ns": first_ns,
             "duration_s": (last_ns - first_ns) / 1e9 if first_ns is not None and last_ns is not None else 0.0,
             "topics": [{"name": t.name, "type": t.type, "messages": counts[t.name]} for t in tape.topics()],
-            "config_hash": next((entry["config_hash"] for entry in reversed(said) if "config_hash" in entry), None),
+            "robots": robots,
+            "config_hash": next((known for known in (*reversed(attached), *heard) if known), None),
             "loss": _loss(tape.loss),
         }
+
+
+def _robot(namespace: str, found: Sources, newest: Mapping[str, Message]) -> dict[str, Any]:
+    """One robot of a bag, as the newest words of its supervisor say it."""
+    said: dict[str, Any] = {"namespace": namespace, "joint_states": found.joints, "supervisors": found.supervisors}
+    said |= {"robot": None, "config_hash": None}
+    for message in newest.values():
+        if supervisor_of(message.topic) in found.supervisors:
+            with contextlib.suppress(CdrError):
+                if message.type == STATE:
+                    said["robot"] = decode_state(message.data).robot
+                elif message.type == VERDICT:
+                    said["config_hash"] = decode_verdict(message.data).config_hash
+    return said
 
 
 def _loss(loss: Loss) -> dict[str, Any]:

@@ -11,9 +11,17 @@ from rich.table import Table
 
 from irsbot_supervisor.cli.common import Failed, err, existing, out, print_json
 from irsbot_supervisor.core.intake import S
-from irsbot_supervisor.replay import Judged, cause_names, judge_again, read_recording
-from irsbot_supervisor.story import measures_of, read_story, write_draft
+from irsbot_supervisor.replay import Assumption, Judged, Recording, cause_names, judge_again, read_recording
+from irsbot_supervisor.settings_file import read_values
+from irsbot_supervisor.story import Story, measures_of, read_story, write_draft
 from irsbot_supervisor.verify import Check, against_recording, against_story
+
+RobotOption = Annotated[str | None, typer.Option(help="for bags of joint states alone: preset or YAML file")]
+SettingsOption = Annotated[
+    Path | None,
+    typer.Option(help="for bags of joint states alone: YAML file with other settings than the shipped ones"),
+]
+NamespaceOption = Annotated[str | None, typer.Option(help="whose run, in a bag of several robots")]
 
 
 def replay(
@@ -23,19 +31,21 @@ def replay(
         Path | None, typer.Option(help="write a draft of an expectation file, to be edited")
     ] = None,
     junit: Annotated[Path | None, typer.Option(help="write a JUnit report here")] = None,
-    robot: Annotated[str, typer.Option(help="for bags without a supervisor: preset or YAML file")] = "irsbot2",
+    robot: RobotOption = None,
+    settings: SettingsOption = None,
+    namespace: NamespaceOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
 ) -> None:
     """Judge a recorded run again, from the bag alone. Exit code 1 and the first difference if a verdict differs.
 
     Example: irsbot replay bags/type2 --junit report.xml
     """
-    recording = read_recording(existing(bag, "the bag"))
-    judged = judge_again(recording, robot)
+    story = story_of(existing(bag, "the bag"), expect)
+    namespace = namespace or (story.namespace if story else None)
+    recording = read_recording(bag, namespace)
+    told = assumption(robot, settings, story)
+    judged = judge_again(recording, told)
     checks = against_recording(recording, judged)
-    beside = bag / "expected.json" if bag.is_dir() else bag.with_name("expected.json")
-    file = expect or (beside if beside.is_file() else None)
-    story = read_story(file) if file is not None else None
     if story is not None:
         checks += against_story(recording, judged, story)
     measures = measures_of(recording, judged, story)
@@ -43,15 +53,40 @@ def replay(
         write_junit(junit, bag.stem, checks)
     if as_json:
         print_json(
-            {"bag": bag, "chapters": _rows(judged), "measures": measures, "checks": [c._asdict() for c in checks]}
+            {
+                "bag": bag,
+                "robot": judged.robot,
+                "chapters": _rows(recording, judged),
+                "measures": measures,
+                "checks": [c._asdict() for c in checks],
+            }
         )
     else:
-        _print(judged, checks, recording.loss, measures)
+        _print(recording, judged, checks, measures)
     if write_expect is not None:
-        write_draft(recording, judged, write_expect)
+        write_draft(recording, judged, write_expect, told, namespace)
         err.print(f'draft written to {write_expect}: it counts when a person has read it and deleted its line "draft"')
     if broken := [check for check in checks if check.faults]:
         raise Failed(f"{broken[0].name}: {len(broken[0].faults)} difference(s), the first: {broken[0].faults[0]}")
+
+
+def story_of(bag: Path, expect: Path | None = None) -> Story | None:
+    """The expectations of a bag: those given, or those beside it if there are any. Raises BagError."""
+    beside = bag / "expected.json" if bag.is_dir() else bag.with_name("expected.json")
+    file = expect or (beside if beside.is_file() else None)
+    return read_story(file) if file is not None else None
+
+
+def assumption(robot: str | None, settings: Path | None, story: Story | None) -> Assumption | None:
+    """What is told of a bag that does not say it: on the command line, or else in its expectations. Raises BadInput,
+    InvalidSettings."""
+    told = story.told if story is not None else None
+    if robot is not None:
+        told = Assumption(robot)
+    if settings is not None:
+        changes = read_values(existing(settings, "the settings file"))
+        told = Assumption(told.robot if told else None, changes)
+    return told
 
 
 def write_junit(path: Path, name: str, checks: list[Check]) -> None:
@@ -65,11 +100,10 @@ def write_junit(path: Path, name: str, checks: list[Check]) -> None:
     ElementTree.ElementTree(suite).write(path, encoding="unicode", xml_declaration=True)
 
 
-def _rows(judged: Judged) -> list[dict[str, object]]:
-    begin = judged.chapters[0].since_ns if judged.chapters else 0
+def _rows(recording: Recording, judged: Judged) -> list[dict[str, object]]:
     return [
         {
-            "time_s": (chapter.since_ns - begin) / S,
+            "time_s": (chapter.since_ns - recording.begin_ns) / S,
             "level": chapter.level.name,
             "causes": cause_names(chapter.causes),
             "latched": chapter.latched,
@@ -80,16 +114,20 @@ def _rows(judged: Judged) -> list[dict[str, object]]:
     ]
 
 
-def _print(judged: Judged, checks: list[Check], loss: str, measures: dict[str, float]) -> None:
+def _print(recording: Recording, judged: Judged, checks: list[Check], measures: dict[str, float]) -> None:
     table = Table("time [s]", "level", "causes", "finding")
-    for row in _rows(judged):
+    for row in _rows(recording, judged):
         table.add_row(f"{row['time_s']:.3f}", str(row["level"]), str(row["causes"]), str(row["text"]))
+    out.print(f"robot: {judged.robot}")
+    out.print("times count from the first joint state of the bag")
     out.print(table)
-    if loss:
-        out.print(f"the bag is damaged: {loss}")
+    if recording.loss:
+        out.print(f"the bag is damaged: {recording.loss}")
     counts = f"{len(judged.levels)} samples judged again"
+    if len(judged.parts) > 1:
+        counts += f" by {len(judged.parts)} supervisors one after another"
     if judged.unseen:
-        counts += f", {judged.unseen} in the bag never reached the supervisor"
+        counts += f", {judged.unseen} in the bag never reached a supervisor"
     if judged.missing:
         counts += f", {judged.missing} that it saw are not in the bag"
     out.print(counts)

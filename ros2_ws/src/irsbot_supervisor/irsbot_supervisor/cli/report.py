@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import tempfile
+from dataclasses import fields
 from html import escape
 from pathlib import Path
 from typing import Annotated
@@ -13,7 +14,9 @@ import typer
 from irsbot_kinematics import BadInput
 from irsbot_msgs_py.records import Configure
 from irsbot_supervisor.cli.common import existing, out
+from irsbot_supervisor.cli.replay import NamespaceOption, RobotOption, SettingsOption, assumption, story_of
 from irsbot_supervisor.core.intake import S
+from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.outcome import Outcome, outcome
 from irsbot_supervisor.replay import Judged, Recording, cause_names, judge_again, read_recording
 from irsbot_supervisor.sim.scenarios import Expectation
@@ -27,7 +30,9 @@ td,th{border:1px solid #bbb;padding:.3em .6em;text-align:left;vertical-align:top
 def report(
     bag: Annotated[Path, typer.Argument(help="MCAP file, or a folder with one")],
     target: Annotated[Path, typer.Option("-o", "--output", help="page to write, .html")],
-    robot: Annotated[str, typer.Option(help="for bags without a supervisor: preset or YAML file")] = "irsbot2",
+    robot: RobotOption = None,
+    settings: SettingsOption = None,
+    namespace: NamespaceOption = None,
 ) -> None:
     """Write one self-contained page about a run: picture, chapters, smallest margins, settings, replay.
 
@@ -35,18 +40,19 @@ def report(
     """
     if target.suffix != ".html":
         raise BadInput(f"cannot write '{target}': the suffix must be .html")
-    recording = read_recording(existing(bag, "the bag"))
-    judged = judge_again(recording, robot)
+    story = story_of(existing(bag, "the bag"))
+    recording = read_recording(bag, namespace or (story.namespace if story else None))
+    judged = judge_again(recording, assumption(robot, settings, story))
     found = outcome(recording, Expectation(stop=False))
     target.write_text(_page(bag, recording, judged, found), encoding="utf-8")
     out.print(f"written to {target}")
 
 
 def _page(bag: Path, recording: Recording, judged: Judged, found: Outcome) -> str:
-    begin = judged.chapters[0].since_ns if judged.chapters else 0
     chapters = "".join(
-        f'<tr class="{chapter.level.name}"><td>{(chapter.since_ns - begin) / S:.3f}</td><td>{chapter.level.name}</td>'
-        f"<td>{escape(cause_names(chapter.causes))}</td><td>{escape(chapter.text)}</td></tr>"
+        f'<tr class="{chapter.level.name}"><td>{(chapter.since_ns - recording.begin_ns) / S:.3f}</td>'
+        f"<td>{chapter.level.name}</td><td>{escape(cause_names(chapter.causes))}</td>"
+        f"<td>{escape(chapter.text)}</td></tr>"
         for chapter in judged.chapters
     )
     nearest = "".join(f"<li>smallest {escape(str(one))}</li>" for one in found.nearest)
@@ -56,14 +62,21 @@ def _page(bag: Path, recording: Recording, judged: Judged, found: Outcome) -> st
     )
     entry = next((entry for entry in recording.journal if isinstance(entry, Configure)), None)
     settings = entry.values if entry else {}
-    rows = "".join(f"<tr><td>{escape(k)}</td><td>{escape(str(v))}</td></tr>" for k, v in settings.items())
+    units = {known.name: str(known.metadata["unit"]) for known in fields(Settings)}
+    rows = "".join(
+        f"<tr><td>{escape(name)}</td><td>{escape(str(value))}</td><td>{escape(units.get(name, ''))}</td></tr>"
+        for name, value in settings.items()
+    )
     return (
         f"<!doctype html><meta charset='utf-8'><title>{escape(bag.name)}</title><style>{STYLE}</style>"
         f"<h1>{escape(str(bag))}</h1><p>{len(recording.samples)} joint states, {len(recording.states)} judged. "
-        f"{escape(recording.loss)}</p>{_picture(recording, found)}<h2>Verdicts</h2><table><tr><th>time [s]</th>"
-        f"<th>level</th><th>causes</th><th>finding</th></tr>{chapters}</table><h2>Margins</h2><ul>{nearest}</ul>"
+        f"Robot: {escape(judged.robot)}. "
+        f"Times count from the first joint state of the bag. {escape(recording.loss)}</p>"
+        f"{_picture(recording, found)}<h2>Verdicts</h2><table>"
+        f"<tr><th>time [s]</th><th>level</th><th>causes</th><th>finding</th></tr>{chapters}</table>"
+        f"<h2>Margins</h2><ul>{nearest}</ul>"
         f"<h2>Judged again</h2><ul>{checks or '<li>no supervisor in the bag to compare with</li>'}</ul>"
-        f"<h2>Settings</h2><table>{rows}</table>"
+        f"<h2>Settings</h2><table><tr><th>setting</th><th>value</th><th>unit</th></tr>{rows}</table>"
     )
 
 

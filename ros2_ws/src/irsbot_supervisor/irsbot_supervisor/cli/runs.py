@@ -3,28 +3,47 @@
 from __future__ import annotations
 
 import contextlib
+import re
 import signal
 import time
+from dataclasses import fields
 from datetime import datetime
-from math import isfinite
+from math import inf, isfinite
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import typer
 from rich.text import Text
 
-from irsbot_msgs_py.records import Cause, Level, Verdict
-from irsbot_supervisor.cli.common import Failed, existing, out
+from irsbot_msgs_py.records import Cause, Level, SingularityState, Verdict
+from irsbot_msgs_py.shell import USAGE
+from irsbot_supervisor.cli.common import Failed, err, existing, out, refuse
 from irsbot_supervisor.core.intake import S
 from irsbot_supervisor.core.motion import JointLimits
+from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.mcap_writer import BagError
 from irsbot_supervisor.outcome import Outcome, outcome
+from irsbot_supervisor.parameter_file import read_parameters
 from irsbot_supervisor.replay import cause_names, read_recording
 from irsbot_supervisor.settings_file import read_settings, robot_of, shipped_values
 from irsbot_supervisor.sim.scenario_file import read_scenario, scenario_names
 from irsbot_supervisor.sim.scenarios import Scenario
 from irsbot_supervisor.sim.scenarios import plan as plan_motion
-from irsbot_supervisor.sim.simulation import STANDING, simulation_from
-from irsbot_supervisor.suite import GATED, JOINTS, KINEMATICS, RECORDER, SUPERVISOR, Node, Suite, free_domain
+from irsbot_supervisor.sim.simulation import STANDING, Simulation, simulation_from
+from irsbot_supervisor.suite import (
+    GATED,
+    JOINTS,
+    KINEMATICS,
+    RECORDER,
+    SUPERVISOR,
+    Node,
+    Suite,
+    SuiteError,
+    free_domain,
+)
+
+STARTING_S = 30.0
+"""s after which a supervisor that says nothing counts as stuck; it takes two on a quiet machine."""
 
 START_DELAY_S = 1.0
 """s the robot stands still at first, so that everybody has found everybody."""
@@ -34,6 +53,18 @@ AFTERWARDS_S = 1.0
 
 GRACE_S = 8.0
 """s beyond the planned motion after which a run counts as stuck."""
+
+LOGS, BAG = "logs", "bag"
+"""Parts of a run's folder."""
+
+DDS_DOMAINS = range(233)
+"""Those whose ports exist (DDSI-RTPS 9.6.1)."""
+
+NAMESPACE = r"[A-Za-z_]\w*(/[A-Za-z_]\w*)*"
+"""As ROS names are, without slashes around."""
+
+BYSTANDERS = ("recorder", "kinematics")
+"""Nodes without which a robot is supervised as well as with them."""
 
 ENDLESS_S = 6.0
 """s of a scenario that would go on for ever."""
@@ -51,6 +82,8 @@ def demo(
 
     Example: irsbot demo --scenario type2
     """
+    if seconds is not None and not 0.0 < seconds < inf:
+        refuse(f"--seconds must be a positive, finite number, got {seconds:g}")
     machine = robot_of(robot) if robot else None
     plan = read_scenario(scenario, machine)
     machine = machine or robot_of(plan.robot)
@@ -59,21 +92,23 @@ def demo(
     target = folder or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-{plan.name}"
     values: dict[str, Any] = {"robot": robot_name, "scenario": scenario, "start_delay_s": START_DELAY_S}
     if seconds is not None:
-        values["cycle_s"] = float(seconds)
+        values["cycle_s"] = seconds
     limit_s = _length(plan, values, robot_name) + START_DELAY_S + GRACE_S
+    _prepare(target)
     out.print(f"{plan.name} with {machine.name}: {plan.description}")
     _end_in_order_when_told_to()
     timeline = _Timeline()
-    bag = target / "bag"
+    bag = target / BAG
     domain = free_domain()
-    with Suite(target / "logs", domain) as suite, contextlib.suppress(KeyboardInterrupt):
+    with Suite(target / LOGS, domain) as suite, contextlib.suppress(KeyboardInterrupt):
         from irsbot_supervisor.watch import Watch  # needs ROS, which the other commands do not
 
         suite.start(Node("recorder", RECORDER, {"output": str(bag)}))
         suite.start(Node("kinematics", KINEMATICS, {"robot": robot_name}))
         suite.start(Node("supervisor", SUPERVISOR, {"robot": robot_name}))
-        suite.start(Node("simulated_joints", JOINTS, values))
-        with Watch(domain, timeline.hear) as watch:
+        with Watch(domain, timeline.hear, timeline.begin) as watch:
+            _await_supervisor(suite, watch, timeline)
+            suite.start(Node("simulated_joints", JOINTS, values))
             _follow(suite, watch, timeline, plan.expect.stop, limit_s)
     if not bag.exists():
         raise Failed("ended before anything was recorded")
@@ -105,25 +140,78 @@ def up(
 ) -> None:
     """Run the suite until Ctrl-C: simulated joints, kinematics, supervisor, recorder.
 
+    A recorder or kinematics node that ends is reported, and supervision goes on; the exit code is 1 then. Any other
+    node ends them all.
+
     With --gate the robot stands and waits: command it on `command_in` (trajectories) or `velocity_in`.
 
     Example: irsbot up --robot irsbot2 --namespace left
     """
-    robot_of(robot)
+    machine = robot_of(robot)
+    if not gate:
+        read_scenario(scenario, machine)
+    if domain not in DDS_DOMAINS:
+        refuse(f"the DDS domain must be in {DDS_DOMAINS[0]}..{DDS_DOMAINS[-1]}, got {domain}")
+    place = namespace.strip("/")
+    if place and not re.fullmatch(NAMESPACE, place):
+        refuse(f"the namespace must be names of letters, digits and _ with / between them, got '{namespace}'")
     if params is not None:
-        existing(params, "the parameter file")
+        told = read_parameters(existing(params, "the parameter file"), _parameters(f"/{place}" if place else ""))
+        names = {entry.name for entry in fields(Settings)} - {"robot"}
+        (of_supervisor,) = [values for node, values in told.items() if node.endswith("/supervisor")]
+        read_settings(robot, {name: value for name, value in of_supervisor.items() if name in names})
     target = folder or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-up"
+    _prepare(target)
     _end_in_order_when_told_to()
-    with Suite(target / "logs", domain, namespace, params) as suite, contextlib.suppress(KeyboardInterrupt):
-        suite.start(Node("recorder", RECORDER, {"output": str(target / "bag")}))
+    with Suite(target / LOGS, domain, place, params) as suite, contextlib.suppress(KeyboardInterrupt):
+        suite.start(Node("recorder", RECORDER, {"output": str(target / BAG)}))
         suite.start(Node("kinematics", KINEMATICS, {"robot": robot}))
         suite.start(Node("supervisor", SUPERVISOR, {"robot": robot}))
         drives = {"robot": robot, "scenario": STANDING if gate else scenario, "gated": gate}
         suite.start(Node("simulated_joints", JOINTS, drives, GATED if gate else {}))
         out.print(f"up on DDS domain {domain}, logs and bag under {target}; Ctrl-C ends it")
+        _watch_over(suite)
+
+
+def _prepare(target: Path) -> None:
+    """Folders for logs and bag. Raises OSError where they cannot be, BagError where there is a bag already."""
+    (target / LOGS).mkdir(parents=True, exist_ok=True)
+    if (target / BAG).exists():
+        raise BagError(f"'{target / BAG}' exists already: a run needs a folder without a bag")
+
+
+def _parameters(namespace: str) -> dict[str, list[str]]:
+    """The nodes of a suite, by full name, and their parameters."""
+    from irsbot_supervisor.nodes import recorder, supervisor  # need ROS, which the other commands do not
+
+    found = {
+        "recorder": recorder.PARAMETERS,
+        "kinematics": ("robot",),
+        "supervisor": (*supervisor.PARAMETERS, *(entry.name for entry in fields(Settings))),
+        "simulated_joints": ("fault", *(entry.name for entry in fields(Simulation))),
+    }
+    return {f"{namespace}/{node}": list(names) for node, names in found.items()}
+
+
+def _watch_over(suite: Suite) -> NoReturn:
+    """Until Ctrl-C, or until a node ends that the supervision of a robot needs, or could not start as it was asked to.
+
+    A bystander that dies is told of once; then Ctrl-C ends in Failed.
+    """
+    lost: list[str] = []
+    try:
         while True:
-            suite.check()
-            time.sleep(1.0)
+            for name, text in suite.ended().items():
+                if name not in BYSTANDERS or suite.processes[name].returncode == USAGE:
+                    raise SuiteError(text)
+                if name not in lost:
+                    lost.append(name)
+                    err.print(f"irsbot: {text}; the others go on")
+            suite.wait()
+    except KeyboardInterrupt:
+        if lost:
+            raise Failed(f"the last part of the run was without {' and '.join(lost)}") from None
+        raise
 
 
 def _end_in_order_when_told_to() -> None:
@@ -132,15 +220,24 @@ def _end_in_order_when_told_to() -> None:
 
 
 class _Timeline:
-    """Prints every change of level or cause, with the margin against its limit."""
+    """Prints every change of level or cause, with the margin against its limit.
+
+    Times are those of the robot, as in pictures and outcomes: of the newest good sample that a verdict knows, since the
+    first sample that was judged.
+    """
 
     def __init__(self) -> None:
-        self.begin = time.monotonic()
+        self._begin_ns = 0
         self.verdict: Verdict | None = None
         self.worked = False
         self.stopped_at: float | None = None
         self.interrupted = False
+        out.print("time of the newest good sample, since the first sample that was judged")
         out.print(f"{'time':>9}  {'level':8}finding")
+
+    def begin(self, state: SingularityState) -> None:
+        """The first judged sample."""
+        self._begin_ns = state.stamp_ns
 
     def hear(self, verdict: Verdict) -> None:
         last, self.verdict = self.verdict, verdict
@@ -150,12 +247,23 @@ class _Timeline:
         if last is not None and (last.level, last.causes) == (verdict.level, verdict.causes):
             return
         style = {Level.OK: "green", Level.WARN: "yellow", Level.STOP: "bold red", Level.UNKNOWN: "magenta"}
-        seconds = time.monotonic() - self.begin
+        known = self._begin_ns and verdict.stamp_ns
+        when = f"{(verdict.stamp_ns - self._begin_ns) / S:7.3f} s" if known else f"{'-':>9}"
         worst = sorted(verdict.findings, key=lambda finding: -finding.level)
         text = worst[0].text if worst else "all margins above their limits"
         causes = cause_names(verdict.causes & ~int(Cause.LATCHED))
-        line = Text(f"{seconds:7.3f} s  ").append(f"{verdict.level.name:8}", style[verdict.level]).append(text)
+        line = Text(f"{when}  ").append(f"{verdict.level.name:8}", style[verdict.level]).append(text)
         out.print(line.append(f"  [{causes}]" if causes else ""))
+
+
+def _await_supervisor(suite: Suite, watch: Any, timeline: _Timeline) -> None:
+    """Until it is heard: who watches before there are samples hears of the first one."""
+    deadline = time.monotonic() + STARTING_S
+    while timeline.verdict is None:
+        if time.monotonic() > deadline:
+            raise Failed(f"the supervisor has said nothing in its first {STARTING_S:g} s")
+        watch.look(0.05)
+        suite.check()
 
 
 def _follow(suite: Suite, watch: Any, timeline: _Timeline, stops: bool, limit_s: float) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
+from rich.table import Column, Table
 
 from irsbot_supervisor.cli.common import existing, out, print_json
 from irsbot_supervisor.core.settings import Settings
@@ -29,7 +29,11 @@ def settings(
     if as_json:
         print_json({"config_hash": found.config_hash, "settings": rows})
         return
-    table = Table("setting", "value", "unit", "range", "meaning")
+    longest = max(
+        len(row["name"]) for row in rows
+    )  # names are copied from here: where there is little room others fold
+    others = (Column(name, overflow="fold") for name in ("value", "unit", "range", "meaning"))
+    table = Table(Column("setting", min_width=longest, no_wrap=True), *others)
     for row in rows:
         value = ", ".join(map(str, row["value"])) if isinstance(row["value"], tuple) else str(row["value"])
         table.add_row(row["name"], value, row["unit"], row["range"], row["meaning"])

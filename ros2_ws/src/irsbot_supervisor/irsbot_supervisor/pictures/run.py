@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from math import isfinite
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,10 +14,12 @@ from irsbot_kinematics.arithmetic import Array
 from irsbot_msgs_py.records import Cause, Configure, Level, SingularityState
 from irsbot_supervisor.core.intake import S
 from irsbot_supervisor.core.policy import KINDS, WORDS
-from irsbot_supervisor.outcome import NAMES, Outcome, margin_of
-from irsbot_supervisor.replay import Recording
+from irsbot_supervisor.outcome import NAMES, Outcome, margin_of, spans_heard
+from irsbot_supervisor.replay import SILENCE_NS, Recording
 
 LEVEL_COLOURS = {Level.OK: "#d9f0d3", Level.WARN: "#fee8a8", Level.STOP: "#f7b2a5", Level.UNKNOWN: "#d8c9e6"}
+SILENT = f"no verdict for {SILENCE_NS / S:g} s: stop"
+SILENT_STYLE: dict[str, Any] = {"facecolor": "#d8c9e6", "edgecolor": "#8050a0", "hatch": "//", "linewidth": 0.0}
 MARGIN_COLOURS = ("#1b6ca8", "#b3372f", "#2d7d46", "#8050a0")
 MARKS = (("limit crossed", "crossed_ns", ":"), ("STOP", "stopped_ns", "--"), ("standstill", "stood_ns", "-."))
 
@@ -28,10 +31,11 @@ def draw_run(recording: Recording, found: Outcome, target: Path) -> None:
         return
     settings = next((entry.values for entry in recording.journal if isinstance(entry, Configure)), {})
     times = np.array([state.stamp_ns - found.begin_ns for state in states]) / S
+    end_ns = max(recording.samples[-1].stamp_ns, states[-1].stamp_ns)
     figure = Figure(figsize=(10.0, 6.0), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 1.3))
     for axes in (upper, lower):
-        _shade_levels(axes, recording, found.begin_ns, times[-1])
+        _shade_levels(axes, recording, end_ns)
     for kind, name, colour in zip(KINDS, NAMES, MARGIN_COLOURS, strict=True):
         _draw_margin(upper, times, states, kind, settings.get(f"{name}_stop"), colour)
     for text, which, style in MARKS:
@@ -39,14 +43,14 @@ def draw_run(recording: Recording, found: Outcome, target: Path) -> None:
         if moment_ns is not None:
             upper.axvline((moment_ns - found.begin_ns) / S, color="black", linestyle=style, linewidth=1.0, label=text)
     for joint, rates in enumerate(np.array([state.joint_velocity for state in states]).T, 1):
-        lower.plot(times, rates, linewidth=0.9, label=f"joint {joint}")
+        lower.plot(*_with_gaps(times, rates), linewidth=0.9, label=f"joint {joint}")
     upper.set_ylabel("margin [1], dotted: stop limit")
     upper.set_ylim(bottom=0.0)
     lower.set_ylabel("joint rate [rad/s, m/s]")
-    lower.set_xlabel("time [s]")
+    lower.set_xlabel("time since the first joint state of the bag [s]")
     upper.set_title(f"{states[0].robot}: margins and verdict (green OK, yellow WARN, red STOP, violet UNKNOWN)")
     for axes in (upper, lower):
-        axes.margins(x=0)
+        axes.set_xlim(0.0, (end_ns - found.begin_ns) / S)
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize="small", frameon=False)
     figure.savefig(target, dpi=110)
 
@@ -57,18 +61,24 @@ def _draw_margin(
     values = np.array([margin_of(state, kind) for state in states])
     if not np.isfinite(values).any():
         return
-    axes.plot(times, values, color=colour, linewidth=1.3, label=WORDS[kind])
+    axes.plot(*_with_gaps(times, values), color=colour, linewidth=1.3, label=WORDS[kind])
     if stop is not None:
         axes.axhline(float(stop), color=colour, linestyle=":", linewidth=1.0)
 
 
-def _shade_levels(axes: Axes, recording: Recording, begin_ns: int, end_s: float) -> None:
-    """The level in force, as the recorder heard it."""
-    turns = [((log - begin_ns) / S, verdict.level) for log, verdict in recording.verdicts]
-    merged: list[tuple[float, Level]] = []
-    for time_s, level in turns:
-        if not merged or merged[-1][1] != level:
-            merged.append((time_s, level))
-    for (start, level), (end, _next) in zip(merged, [*merged[1:], (end_s, Level.OK)], strict=True):
-        if end > 0.0:
-            axes.axvspan(max(start, 0.0), min(end, end_s), color=LEVEL_COLOURS[level], linewidth=0.0)
+def _shade_levels(axes: Axes, recording: Recording, end_ns: int) -> None:
+    """The level in force, as the recorder heard it; silence is none of them."""
+    spoken = False
+    for begin_ns, until_ns, level in spans_heard(recording, end_ns):
+        ends = ((begin_ns - recording.begin_ns) / S, (until_ns - recording.begin_ns) / S)
+        if level is not None:
+            axes.axvspan(*ends, color=LEVEL_COLOURS[level], linewidth=0.0)
+        else:
+            axes.axvspan(*ends, label=None if spoken else SILENT, **SILENT_STYLE)
+            spoken = True
+
+
+def _with_gaps(times: Array, values: Array) -> tuple[Array, Array]:
+    """No line is drawn through a time of which nothing is known."""
+    gaps = np.flatnonzero(np.diff(times) > SILENCE_NS / S) + 1
+    return np.insert(times, gaps, np.nan), np.insert(values, gaps, np.nan)

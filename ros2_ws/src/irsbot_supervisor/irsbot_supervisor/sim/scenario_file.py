@@ -1,7 +1,9 @@
 """Scenarios as YAML.
 
     description: one line
-    expect: {stop: true, causes: [TYPE2, BRAKING]}   # what a supervisor must make of it; causes may be left out
+    expect: {stop: true, causes: [TYPE2, BRAKING]}   # what a supervisor must make of it; causes may be left out;
+                                                     # unknown: true or false where UNKNOWN must or must not come
+                                                     # (left out: it may where a stop is expected, else it must not)
     robots:                                          # the first is the default; an entry may replace what stands below
       irsbot2_beta45: {start: [0.0, -0.75]}
     cycle:                                           # repeated as a whole for `seconds`; ends where it begins
@@ -143,15 +145,17 @@ def _piece(said: Any, where: str) -> Piece:
 
 
 def _expectation(said: Any, where: str) -> Expectation:
-    _known(said, {"stop", "causes"}, f"{where}: expect")
+    _known(said, {"stop", "causes", "unknown"}, f"{where}: expect")
     if not isinstance(said.get("stop"), bool):
         raise BadScenario(f"{where}: expect.stop must be true or false, got {said.get('stop')!r}")
+    if not isinstance(said.get("unknown"), bool | None):
+        raise BadScenario(f"{where}: expect.unknown must be true or false, got {said['unknown']!r}")
     causes = Cause.NONE
     for name in said.get("causes") or ():
         if name not in Cause.__members__:
             raise BadScenario(f"{where}: no cause '{name}'; known are {', '.join(Cause.__members__)}")
         causes |= Cause[name]
-    return Expectation(said["stop"], causes)
+    return Expectation(said["stop"], causes, said.get("unknown"))
 
 
 def _vector(said: Any, where: str) -> Floats:

@@ -57,6 +57,8 @@ class Expectation:
     stop: bool
     causes: Cause = Cause.NONE
     """Any of these may be the reason of the stop; NONE: left open."""
+    unknown: bool | None = None
+    """Whether the level must become UNKNOWN during the work; None: it may, but only where a stop is expected."""
 
 
 @dataclass(frozen=True)

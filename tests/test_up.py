@@ -1,0 +1,221 @@
+"""`up` as a user runs it: which nodes may die, and what is refused before any of them starts."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+
+pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
+
+from rcl_interfaces.srv import ListParameters
+
+from irsbot_supervisor.cli.app import main
+from irsbot_supervisor.cli.runs import _parameters
+from irsbot_supervisor.parameter_file import read_parameters
+from irsbot_supervisor.suite import JOINTS, KINEMATICS, RECORDER, SUPERVISOR, free_domain
+from irsbot_supervisor.watch import Watch
+
+pytestmark = [
+    pytest.mark.ros,
+    pytest.mark.slow,
+    # rclpy reads .idl files with a version of lark that still imports this module
+    pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning"),
+]
+
+IRSBOT = [sys.executable, "-m", "irsbot_supervisor"]
+PATIENCE_S = 60.0
+"""s a test waits for an event on a busy machine."""
+
+
+class Up:
+    """A running suite and a look at its verdicts."""
+
+    def __init__(self, process: subprocess.Popen[str], watch: Watch) -> None:
+        self.process, self._watch = process, watch
+        self.levels: list[int] = []
+
+    def node(self, module: str) -> psutil.Process:
+        """The process of a node."""
+        (found,) = [p for p in psutil.Process(self.process.pid).children() if module in p.cmdline()]
+        return found
+
+    def line(self) -> str:
+        """The next line on stderr."""
+        assert self.process.stderr is not None
+        return self.process.stderr.readline()
+
+    def speaks(self) -> None:
+        """Wait for twenty more verdicts."""
+        wanted = len(self.levels) + 20
+        while len(self.levels) < wanted:
+            assert self.process.poll() is None, "the suite has ended"
+            self._watch.look(1.0)
+
+    def ask(self, kind: Any, name: str, request: Any) -> Any:
+        """The answer of a service."""
+        client = self._watch.node.create_client(kind, name)
+        assert client.wait_for_service(PATIENCE_S), name
+        answer = client.call_async(request)
+        while not answer.done():
+            self._watch.look(1.0)
+        return answer.result()
+
+
+@contextmanager
+def running(folder: Path, *options: str) -> Iterator[Up]:
+    """`up` on a domain of its own, from the moment in which its supervisor speaks."""
+    domain = free_domain()
+    command = [*IRSBOT, "up", "--domain", str(domain), "--out", str(folder), *options]
+    pipe = subprocess.PIPE
+    with (
+        subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True) as process,
+        Watch(domain, lambda verdict: up.levels.append(verdict.level)) as watch,
+    ):
+        up = Up(process, watch)
+        try:
+            up.speaks()
+            yield up
+        finally:
+            process.kill()
+
+
+def test_a_dead_bystander_is_reported_and_supervision_goes_on(tmp_path: Path) -> None:
+    with running(tmp_path / "run") as up:
+        for module, name in ((RECORDER, "recorder"), (KINEMATICS, "kinematics")):
+            up.node(module).kill()
+            line = up.line()
+            assert f"the node {name} ended with exit code -9" in line
+            assert "the others go on" in line
+            up.speaks()
+        up.process.send_signal(signal.SIGINT)
+        _out, printed = up.process.communicate(timeout=PATIENCE_S)
+        assert up.process.returncode == 1
+        assert printed.splitlines() == ["irsbot: the last part of the run was without recorder and kinematics"]
+
+
+@pytest.mark.parametrize(("module", "name"), [(SUPERVISOR, "supervisor"), (JOINTS, "simulated_joints")])
+def test_the_death_of_any_other_node_ends_the_suite(tmp_path: Path, module: str, name: str) -> None:
+    with running(tmp_path / "run") as up:
+        others = psutil.Process(up.process.pid).children()
+        up.node(module).kill()
+        _out, printed = up.process.communicate(timeout=PATIENCE_S)
+        assert up.process.returncode == 1
+        assert f"the node {name} ended with exit code -9" in printed
+        assert not [process for process in others if process.is_running()]
+
+
+WRONG = {
+    "supervisor: {ros__parameters: {no_such: 0.9}}": "has no parameter 'no_such'; known are",
+    "/**: {ros__parameters: {type9_stop: 0.9}}": "has no parameter 'type9_stop'",
+    "recorder: {ros__parameters: {type2_stop: 0.2}}": "'/recorder' has no parameter 'type2_stop'",
+    "recorder: {ros__parameters: {topics: {joints: a}}}": "'/recorder' has no parameter 'topics.joints'",
+    "simulated_joints: {ros__parameters: {pace: 0.9}}": "'/simulated_joints' has no parameter 'pace'",
+    "kinematics: {ros__parameters: {type2_stop: 0.2}}": "'/kinematics' has no parameter 'type2_stop'; known are robot",
+    "supervisr: {ros__parameters: {type2_stop: 0.2}}": "'/supervisr' is none of the nodes /recorder, /kinematics,",
+    "left: {supervisor: {ros__parameters: {type2_stop: 0.2}}}": "has parameters for none of the nodes /recorder",
+    "supervisor: {ros__parameters: {type2_stop: 2.0}}": "type2_stop is 2.0, must be in",
+    "supervisor: {ros__parameters: {type2_stop: 0.3}}": "type2_warn (0.25) must be at least type2_stop (0.3)",
+    "type2_stop: 0.2": "'/type2_stop' must hold parameters",
+    "supervisor: {ros__parameters: 7}": "'/supervisor' must hold parameters",
+    "supervisor: {}": "'/supervisor' must hold parameters",
+    "": "expected a mapping",
+    "a: [": "not YAML",
+}
+"""Parameter files, and what is said of them."""
+
+
+@pytest.mark.parametrize("text", WRONG)
+def test_a_file_of_parameters_that_no_node_knows_is_refused(
+    tmp_path: Path, text: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    parameters = tmp_path / "mine.yaml"
+    parameters.write_text(text)
+    assert WRONG[text] in refusal(["--params", str(parameters)], tmp_path, capsys, monkeypatch)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--domain", "-1"], "must be in 0..232, got -1"),
+        (["--domain", "233"], "must be in 0..232, got 233"),
+        (["--namespace", "a b"], "got 'a b'"),
+        (["--namespace", "a//b"], "got 'a//b'"),
+        (["--namespace", "7a"], "got '7a'"),
+        (["--scenario", "nonsense"], "no scenario 'nonsense'"),
+        (["--robot", "nonsense"], "nonsense"),
+    ],
+)
+def test_what_no_node_could_start_with_is_refused(
+    tmp_path: Path,
+    options: list[str],
+    words: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    assert words in refusal(options, tmp_path, capsys, monkeypatch)
+
+
+def test_a_folder_with_a_bag_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "bag").mkdir()
+    for command in ("up", "demo"):
+        monkeypatch.setattr(sys, "argv", ["irsbot", command, "--out", str(tmp_path)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        assert ended.value.code == 2
+        said = capsys.readouterr()
+        assert said.err == f"irsbot: '{tmp_path}/bag' exists already: a run needs a folder without a bag\n"
+        assert not said.out
+
+
+def refusal(
+    options: list[str], folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> str:
+    """The one line with which `up` refuses, before anything has been started."""
+    monkeypatch.setattr(sys, "argv", ["irsbot", "up", "--out", str(folder / "run"), *options])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert not (folder / "run").exists()
+    return said
+
+
+def test_a_file_of_parameters_may_be_for_several_robots_and_reaches_its_own(tmp_path: Path) -> None:
+    parameters = tmp_path / "mine.yaml"
+    parameters.write_text(
+        "/**: {ros__parameters: {type1_warn: 0.31}}\n"
+        "left: {supervisor: {ros__parameters: {type2_warn: 0.32, use_sim_time: false}}}\n"
+        "/right/supervisor: {ros__parameters: {type2_warn: 0.33}}\n"
+    )
+    nodes = {"/left/supervisor": ["type1_warn", "type2_warn"], "/left/recorder": ["mode"]}
+    assert read_parameters(parameters, nodes) == {
+        "/left/supervisor": {"type1_warn": 0.31, "type2_warn": 0.32},
+        "/left/recorder": {},
+    }
+
+
+def test_the_parameters_that_up_knows_are_those_of_the_nodes(tmp_path: Path) -> None:
+    with running(tmp_path / "run") as up:
+        for node, known in _parameters("").items():
+            found = up.ask(ListParameters, f"{node}/list_parameters", ListParameters.Request()).result.names
+            assert set(found) - {"use_sim_time", "start_type_description_service"} == set(known), node
+
+
+def test_a_recorder_that_cannot_start_ends_the_suite(tmp_path: Path) -> None:
+    parameters = tmp_path / "mine.yaml"
+    parameters.write_text("/**/recorder: {ros__parameters: {reserve_mib: 1000000}}")
+    command = [*IRSBOT, "up", "--domain", str(free_domain()), "--out", str(tmp_path / "run")]
+    done = subprocess.run([*command, "--params", parameters], capture_output=True, text=True, timeout=PATIENCE_S)
+    assert done.returncode == 1
+    assert "less than the reserve" in done.stderr
