@@ -41,7 +41,7 @@ AMOUNTS = {
 """Cases of each row here: seconds each."""
 
 THREE = ("irsbot2", "orthoglide", "rrr3")
-FEW = {"swings": THREE, "clean": THREE, "loci": THREE, "escape": ("irsbot2",)}
+FEW = {"swings": THREE, "clean": THREE, "loci": THREE, "escape": ("irsbot2", "rrr3_base")}
 """Robots of the rows that take long for each of them."""
 
 

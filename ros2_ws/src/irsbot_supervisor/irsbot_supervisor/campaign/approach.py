@@ -31,6 +31,10 @@ LATENCY_S = 0.05
 """s: longest latency of the drives."""
 AGES_S = (0.0, 0.0005, 0.003)
 """s from stamp to arrival."""
+BURSTS = (1, 1, 1, 4, 16)
+"""Samples that arrive together, with the last of them."""
+APART_S = 1e-6
+"""s between the arrivals of two samples of a burst."""
 BEGIN_NS = 10**15
 PERIOD_S = 0.001
 SEARCH_S = 3.0
@@ -54,6 +58,17 @@ class Ramp(NamedTuple):
     latency_s: float
     age_s: float  # of every sample on arrival
     phase_s: float  # of the first sample
+    burst: int  # samples that arrive together
+
+    def arrival_s(self, k: int) -> float:
+        """s at which sample k is seen."""
+        first = k // self.burst * self.burst
+        return self.phase_s + (first + self.burst - 1) * PERIOD_S + self.age_s + (k - first) * APART_S
+
+    @property
+    def learning_s(self) -> list[float]:
+        """s at which samples or bursts arrive until it is known how often: the second sample or the third burst."""
+        return [self.arrival_s(k * self.burst) for k in range(2 if self.burst == 1 else 3)]
 
     def at(self, times: Array, brake_s: float, brakes: Array) -> Array:
         """(N, n) joint positions when the joints brake from `brake_s` on."""
@@ -71,7 +86,6 @@ def run(job: Job) -> Row:
     for k, name in enumerate(names):
         rng = np.random.default_rng([job.seed, k])
         settings, robot = read_settings(name)
-        settings = replace(settings, dwell_s=0.0)  # a run begins in motion: what holds at first is not to outlast it
         for ramp in random_ramps(robot, settings, -(-job.amount // len(names)), rng):
             seen_s = stop_time(ramp, replace(settings, latency_s=ramp.latency_s), robot)
             spare = spare_of(ramp, seen_s, settings, robot)
@@ -97,11 +111,13 @@ def random_ramps(robot: Robot, settings: Settings, number: int, rng: np.random.G
             rates = speeds * share / np.abs(share).max() * rng.uniform(SLOWEST, 1.0)
             crossed = (margins_along(robot, settings, start + times[:, None] * rates) < stop).any(axis=1)
             latency_s, age_s = rng.uniform(0.0, LATENCY_S), float(rng.choice(AGES_S))
-            needed_s = latency_s + age_s + PERIOD_S + (np.abs(rates) / brakes).max()
-            begin_s = times[np.argmax(crossed)] - needed_s - rng.uniform(0.0, RUN_UP_S)
+            burst = int(rng.choice(BURSTS))
+            needed_s = latency_s + age_s + burst * PERIOD_S + (np.abs(rates) / brakes).max()
+            run_up_s = RUN_UP_S + 2 * (burst - 1) * PERIOD_S
+            begin_s = times[np.argmax(crossed)] - needed_s - rng.uniform(0.0, run_up_s)
             if not (crossed.any() and begin_s > 0.0):
                 continue
-            ramp = Ramp(start + rates * begin_s, rates, latency_s, age_s, rng.uniform(0.0, PERIOD_S))
+            ramp = Ramp(start + rates * begin_s, rates, latency_s, age_s, rng.uniform(0.0, PERIOD_S), burst)
             if not _is_fair(ramp, settings, robot):
                 continue
             yield ramp
@@ -111,25 +127,26 @@ def random_ramps(robot: Robot, settings: Settings, number: int, rng: np.random.G
 
 
 def _is_fair(ramp: Ramp, settings: Settings, robot: Robot) -> bool:
-    """Whether the run can be stopped from its second sample on, and goes wrong if it is not. How often samples come is
-    known from the second on. Joints that brake each by itself leave the straight way; and where labels do not hold, the
-    branch in which a run begins may be another than the one in which it was found."""
-    in_time = spare_of(ramp, ramp.phase_s + ramp.age_s + PERIOD_S, settings, robot)
-    return bool((in_time >= 0.0).all() and (spare_of(ramp, None, settings, robot) < 0.0).any())
+    """Whether the run can be stopped from its first sample on until it is known how often samples come, and goes wrong
+    if it is not. Joints that brake each by itself leave the straight way, sooner elsewhere than later; and where labels
+    do not hold, the branch in which a run begins may be another than the one in which it was found."""
+    in_time = [spare_of(ramp, learning_s, settings, robot) for learning_s in ramp.learning_s]
+    return bool((np.array(in_time) >= 0.0).all() and (spare_of(ramp, None, settings, robot) < 0.0).any())
 
 
 def stop_time(ramp: Ramp, settings: Settings, robot: Robot) -> float | None:
-    """When a verdict that means stop is heard, s; None if there is none. Encoders count in their steps."""
+    """When it is said that a sample means stop, s; None if there is none. Encoders count in their steps."""
     supervisor = Supervisor(settings, robot)
     names, rates, step = settings.joint_names, tuple(ramp.rates.tolist()), settings.encoder_resolution
     for k in range(round(SEARCH_S / PERIOD_S)):
         stamp_s = ramp.phase_s + k * PERIOD_S
         position = np.round((ramp.start + ramp.rates * stamp_s) / step) * step
-        stamp_ns, seen_ns = round(stamp_s * S), round((stamp_s + ramp.age_s) * S)
+        stamp_ns, seen_ns = round(stamp_s * S), round(ramp.arrival_s(k) * S)
         times = BEGIN_NS + stamp_ns, BEGIN_NS + seen_ns, S + seen_ns
-        verdict = supervisor.step(JointSample(*times, names, tuple(position.tolist()), rates)).verdict
-        if verdict is not None and verdict.level >= Level.STOP:
-            return stamp_s + ramp.age_s
+        # A run begins in motion, when the verdict is still UNKNOWN for a while: what the sample itself says counts.
+        state = supervisor.step(JointSample(*times, names, tuple(position.tolist()), rates)).state
+        if state is not None and state.level >= Level.STOP:
+            return ramp.arrival_s(k)
     return None
 
 

@@ -27,8 +27,9 @@ PERIOD_NS = round(PERIOD_S * S)
 
 CYCLE = 2000
 """Periods of work that are prepared, up to the last rest; a line begins somewhere in them and turns back at the end."""
-WARM_UP = 150
-"""Periods of good samples before anything goes wrong."""
+WARM_UP = 220
+"""Periods of good samples before anything goes wrong: longer than a silence, what has to be learned after it, and the
+dwell time."""
 
 
 @lru_cache(maxsize=8)

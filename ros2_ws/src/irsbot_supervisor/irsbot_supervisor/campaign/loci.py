@@ -42,8 +42,8 @@ STARTS = 16
 
 BEGIN_NS = 10**15
 PERIOD_NS = 1_000_000
-RESTS = 60
-"""ms that a robot stands: longer than the dwell time and the stale limit."""
+RESTS = 220
+"""ms that a robot stands: longer than a silence, what has to be learned after it, and the dwell time."""
 
 CAUSES = dict(zip(MARGINS, (Cause.TYPE1, Cause.TYPE2, Cause.CONSTRAINT, Cause.LIMB), strict=True))
 

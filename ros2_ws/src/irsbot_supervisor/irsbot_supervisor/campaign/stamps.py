@@ -23,6 +23,8 @@ PERIODS = 200
 """For how long each fault lasts."""
 LEAST_S, MOST_S = 1e-3, 10 * 365.25 * 86400.0
 """s by which stamps and clocks are wrong: a period to ten years."""
+LONGEST_INTERRUPTION = 20
+"""Periods: the ordinary kernel's."""
 LOOPED_NS = 10 * PERIOD_NS
 """ROS time at which a simulation begins again."""
 FAR = 1.0
@@ -39,6 +41,7 @@ def run(job: Job) -> Row:
         zero,
         future,
         past,
+        interrupted,
         step_forward,
         step_back,
         pause,
@@ -100,6 +103,20 @@ def past(case: Case) -> Fault:
         line.advance()
         line.deliver([line.sample()._replace(stamp_ns=line.received_ns - behind_ns)])
     return case.unsafe, case.recovered()
+
+
+def interrupted(case: Case) -> Fault:
+    """The sender is interrupted between reading and stamping: one sample is older than it says, what follows is not."""
+    line = case.line
+    line.run(WARM_UP)
+    line.advance()
+    read = line.sample()
+    for _ in range(1 + round(case.share * LONGEST_INTERRUPTION)):
+        line.advance()
+    line.deliver([read._replace(stamp_ns=line.received_ns)])
+    line.run(PERIODS)
+    latched = line.verdict is not None and line.verdict.latched
+    return "", "latched for one stamp" if latched else case.recovered()
 
 
 def step_forward(case: Case) -> Fault:

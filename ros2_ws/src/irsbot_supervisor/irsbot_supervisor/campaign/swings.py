@@ -30,8 +30,8 @@ PERIOD_S = 0.001
 SILENCE_S = 0.1
 SPEEDS = (0.2, 1.0)
 """1: share of the fastest swing, lowest and highest."""
-REST_S = 0.4
-"""s after a swing in which a stop is still waited for."""
+REST_S = 0.5
+"""s before and after a swing in which OK and a stop are still waited for."""
 
 
 def run(job: Job) -> Row:
