@@ -38,20 +38,20 @@ class Run(NamedTuple):
 
 
 RUNS = {
-    "pick_and_place": Run("irsbot2", "pick_and_place", 1.6),
-    "workspace_boundary": Run("irsbot2", "workspace_boundary", 1.2),
-    "type2": Run("irsbot2_beta45", "type2", 1.2),
-    "constraint": Run("irsbot2_csc", "constraint", 1.2),
-    "orthoglide": Run("orthoglide", "demo", 2.0, cycle_s=1e-3),
+    "pick_and_place": Run("irsbot2", "pick_and_place", 1.7),
+    "workspace_boundary": Run("irsbot2", "workspace_boundary", 1.3),
+    "type2": Run("irsbot2_beta45", "type2", 1.3),
+    "constraint": Run("irsbot2_csc", "constraint", 1.3),
+    "orthoglide": Run("orthoglide", "demo", 2.1, cycle_s=1e-3),
     "stop_and_reset": Run(
-        "irsbot2", str(HERE / "down_and_up.yaml"), 1.4, "latency:by=0.03,at=0.3,lasting=0.15", (0.37, 0.8)
+        "irsbot2", str(HERE / "down_and_up.yaml"), 1.5, "latency:by=0.03,at=0.4,lasting=0.15", (0.47, 0.9)
     ),
-    "nan_positions": Run("irsbot2", "pick_and_place", 1.2, "nan:count=10,at=0.6"),
-    "drop_out": Run("irsbot2", "pick_and_place", 1.4, "drop:count=100,at=0.6"),
-    "glitch": Run("irsbot2", "pick_and_place", 1.2, "glitch:count=1,at=0.55"),
-    "frozen_encoder": Run("irsbot2", "pick_and_place", 1.2, "freeze:which=position,at=0.55,lasting=0.2"),
-    "clock_step": Run("irsbot2", "pick_and_place", 1.2, "stamp_shift:by=1.0,at=0.55,lasting=0.2"),
-    "mode_flip": Run("irsbot2", "pick_and_place", 1.2, "mode_flip:at=0.55,lasting=0.1", (0.62, 0.9)),
+    "nan_positions": Run("irsbot2", "pick_and_place", 1.3, "nan:count=10,at=0.7"),
+    "drop_out": Run("irsbot2", "pick_and_place", 1.5, "drop:count=100,at=0.7"),
+    "glitch": Run("irsbot2", "pick_and_place", 1.3, "glitch:count=1,at=0.65"),
+    "frozen_encoder": Run("irsbot2", "pick_and_place", 1.3, "freeze:which=position,at=0.65,lasting=0.2"),
+    "clock_step": Run("irsbot2", "pick_and_place", 1.3, "stamp_shift:by=1.0,at=0.65,lasting=0.2"),
+    "mode_flip": Run("irsbot2", "pick_and_place", 1.3, "mode_flip:at=0.65,lasting=0.1", (0.72, 1.0)),
 }
 
 
