@@ -16,6 +16,8 @@ for cycle in range(400):
     left, right = left + rate * 1e-3, right - rate * 1e-3
     step = supervisor.step(JointSample(now, now, now, settings.joint_names, (left, right), (rate, -rate), ()))
     story += [(cycle, turn.level.name) for turn in step.turns]
+    if story[-1][1] == Level.STOP.name:
+        break  # who obeys brakes now
 
 for cycle, level in story:
     print(f"{cycle:4d} ms  {level}")
