@@ -22,7 +22,7 @@ from irsbot_supervisor.verify import against_recording, against_story
 ROOT = Path(__file__).parents[1]
 BAGS = sorted(path.parent for path in (ROOT / "bags").glob("*/expected.json"))
 IRSBOT = [sys.executable, "-m", "irsbot_supervisor"]
-PATIENCE_S = 60.0
+PATIENCE_S = 120.0
 
 
 @pytest.mark.parametrize("bag", BAGS, ids=lambda bag: bag.name)

@@ -22,7 +22,7 @@ from irsbot_supervisor.tape import Tape, TapeWriter
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 IRSBOT = [sys.executable, "-m", "irsbot_supervisor"]
-PATIENCE_S = 60.0
+PATIENCE_S = 120.0
 """s a test waits for an event on a busy machine."""
 
 
@@ -171,14 +171,14 @@ def test_bad_use_is_refused_in_one_line(tmp_path: Path) -> None:
 
 def test_inverse_kinematics_from_the_shell() -> None:
     done = subprocess.run(
-        [*IRSBOT, "ik", "irsbot2", "0.3", "-0.75", "--json"], capture_output=True, text=True, timeout=60
+        [*IRSBOT, "ik", "irsbot2", "0.3", "-0.75", "--json"], capture_output=True, text=True, timeout=120
     )
     found = {tuple(s["working_mode"]): s["joints"] for s in json.loads(done.stdout)["solutions"]}
     assert found[1, -1] == pytest.approx([2.544003124, -0.190028776], abs=1e-9)  # the sheet's W1, printed digits
     assert found[-1, 1] == pytest.approx([-0.196686461, 2.604320414], abs=1e-9)
     assert found[1, 1] == pytest.approx([2.544003124, 2.604320414], abs=1e-9)
     assert found[-1, -1] == pytest.approx([-0.196686461, -0.190028776], abs=1e-9)
-    done = subprocess.run([*IRSBOT, "ik", "irsbot2", "0", "-1.25"], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([*IRSBOT, "ik", "irsbot2", "0", "-1.25"], capture_output=True, text=True, timeout=120)
     assert done.returncode == 1
     assert "unreachable by 50.08 mm" in done.stderr
 

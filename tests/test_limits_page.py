@@ -16,7 +16,7 @@ IRSBOT = [sys.executable, "-m", "irsbot_supervisor"]
 
 
 def run(arguments: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([*IRSBOT, *arguments], capture_output=True, text=True, timeout=60, cwd=folder)
+    return subprocess.run([*IRSBOT, *arguments], capture_output=True, text=True, timeout=120, cwd=folder)
 
 
 @pytest.fixture(scope="module")

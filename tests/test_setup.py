@@ -63,7 +63,7 @@ def irsbot(copy: Path, tools: Path) -> Callable[..., subprocess.CompletedProcess
 
     def run(*arguments: str, **variables: str) -> subprocess.CompletedProcess[str]:
         env = {"PATH": str(tools), "HOME": str(copy), **variables}
-        return subprocess.run([copy / "irsbot", *arguments], env=env, capture_output=True, text=True, timeout=60)
+        return subprocess.run([copy / "irsbot", *arguments], env=env, capture_output=True, text=True, timeout=120)
 
     return run
 

@@ -31,7 +31,7 @@ pytestmark = [
 ]
 
 IRSBOT = [sys.executable, "-m", "irsbot_supervisor"]
-PATIENCE_S = 60.0
+PATIENCE_S = 120.0
 """s a test waits for an event on a busy machine."""
 
 

@@ -84,7 +84,7 @@ def test_a_signal_closes_the_node_and_is_a_success(number: signal.Signals):
         assert process.stdout is not None
         assert process.stdout.readline() == "tick 1\n"
         process.send_signal(number)
-        out, err = process.communicate(timeout=20)
+        out, err = process.communicate(timeout=120)
         assert process.returncode == 0
         assert out.endswith("closed\n")
         assert err == ""
@@ -92,7 +92,7 @@ def test_a_signal_closes_the_node_and_is_a_success(number: signal.Signals):
 
 def test_the_node_may_end_itself_with_a_code():
     with shown("leave") as process:
-        out, _ = process.communicate(timeout=20)
+        out, _ = process.communicate(timeout=120)
         assert process.returncode == 7
         assert out.endswith("closed\n")
 
@@ -100,7 +100,7 @@ def test_the_node_may_end_itself_with_a_code():
 @pytest.mark.parametrize(("wish", "code"), [("refuse and be stuck", 2), ("leave and be stuck", 7)])
 def test_a_middleware_that_never_returns_changes_neither_the_end_nor_its_code(wish: str, code: int):
     with shown(wish) as process:
-        out, _ = process.communicate(timeout=20)
+        out, _ = process.communicate(timeout=120)
         assert process.returncode == code
         assert out.endswith("stuck\n")
 
@@ -119,7 +119,7 @@ def test_an_error_in_a_callback_is_reported_and_survived():
         assert process.stdout is not None
         assert "tick 5\n" in (process.stdout.readline() for _ in range(5))
         process.send_signal(signal.SIGINT)
-        _, err = process.communicate(timeout=20)
+        _, err = process.communicate(timeout=120)
         assert process.returncode == 0
         assert "RuntimeError: a callback failed" in err
 
@@ -136,7 +136,7 @@ def test_an_error_in_a_callback_is_reported_and_survived():
 )
 def test_a_mistake_of_the_user_is_one_line_and_exit_code_2(wish: str, args: list[str], words: str):
     with shown(wish, *args) as process:
-        _, err = process.communicate(timeout=20)
+        _, err = process.communicate(timeout=120)
         assert process.returncode == 2
         (line,) = (line for line in err.splitlines() if "[rcl]" not in line)  # rcl has its own say before ours
         assert words in line

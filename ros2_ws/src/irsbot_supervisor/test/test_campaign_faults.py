@@ -24,7 +24,7 @@ from irsbot_supervisor.core import assess, estimator, intake, pipeline
 from irsbot_supervisor.settings_file import read_settings
 
 IRSBOT = [sys.executable, "-m", "irsbot_supervisor"]
-PATIENCE_S = 60.0
+PATIENCE_S = 120.0
 
 AMOUNTS = {
     "approach": 26,

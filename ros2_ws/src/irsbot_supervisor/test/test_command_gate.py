@@ -23,7 +23,7 @@ from irsbot_supervisor.nodes.gate import CommandGate
 
 pytestmark = pytest.mark.ros
 
-PATIENCE_S = 20.0
+PATIENCE_S = 120.0
 NEAR = (0.0, -1.198)
 """A pose beyond the stop limit of Type 1."""
 

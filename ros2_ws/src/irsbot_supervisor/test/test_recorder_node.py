@@ -44,7 +44,7 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning"),
 ]
 
-PATIENCE_S = 30.0
+PATIENCE_S = 120.0
 MIB = 1024 * 1024
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 

@@ -33,7 +33,7 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning"),
 ]
 
-PATIENCE_S = 30.0
+PATIENCE_S = 120.0
 """Longest wait for anything: far more than it takes, on the slowest machine."""
 
 DECELERATION = 400.0  # rad/s2, what is shipped for irsbot2

@@ -28,7 +28,7 @@ from irsbot_msgs_py.convert import state_record
 from irsbot_msgs_py.records import Floats, JointSample, Level, SingularityState, Verdict
 from irsbot_supervisor.suite import SUPERVISOR, Node, Suite, free_domain
 
-PATIENCE_S = 30.0
+PATIENCE_S = 120.0
 """Longest wait for anything: far more than it takes, on the slowest machine."""
 
 PERIOD_S = 0.002
