@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from math import exp, inf, isnan, nan, pi, tau
 
@@ -403,16 +404,42 @@ def test_late_stamps_at_full_speed_are_no_jumps():
         good(filter_.update(accepted(k + late, (0.98 * SPEED * 1e-3 * k, 1.0), (0.98 * SPEED, 0.0), seen_ms=k + late)))
 
 
-@pytest.mark.parametrize("gain", [150.0, -150.0])
-def test_an_acceleration_that_has_just_begun_is_not_thinned_out(gain):
-    """It begins at rest; the shipped latency is 10 ms."""
+def speeding_up(velocity: Callable[[float], float], position: Callable[[float], float], samples: int) -> list[Estimate]:
+    """Joint 1 as told for so many samples, after it stood for longer than the shipped latency of 10 ms."""
     filter_ = estimator()
     watch(filter_, moving((0.0, 0.0), (0.0, 0.0), 0, 20))
-    for k in range(1, 30):
-        t = 1e-3 * k
-        answer = good(filter_.update(accepted(19 + k, (0.5 * gain * t * t, 1.0), (gain * t, 0.0))))
+    times = [1e-3 * k for k in range(1, samples + 1)]
+    return [
+        good(filter_.update(accepted(19 + k, (position(t), 1.0), (velocity(t), 0.0)))) for k, t in enumerate(times, 1)
+    ]
+
+
+@pytest.mark.parametrize("gain", [150.0, -150.0])
+def test_an_acceleration_that_has_just_begun_is_not_thinned_out(gain):
+    """For as long as the window of 5 ms reaches back to rest it may go on growing, as far as anybody knows."""
+    answers = speeding_up(lambda t: gain * t, lambda t: 0.5 * gain * t * t, 29)
+    for answer in answers[2:]:
+        assert answer.acceleration[0] / gain >= 1.0 - 1e-6
+    for answer in answers[5:]:
+        assert answer.acceleration[0] == pytest.approx(gain, rel=1e-6)
+
+
+@pytest.mark.parametrize("jerk", [1.5e4, -1.5e4])
+def test_an_acceleration_that_grows_from_rest_goes_on_growing_until_the_brakes_act(jerk):
+    """A constant jerk: known from 5 ms after the start, when the last half of the latency is in it, to its end."""
+    answers = speeding_up(lambda t: 0.5 * jerk * t * t, lambda t: jerk * t**3 / 6.0, 10)
+    for k, answer in enumerate(answers, 1):
+        now_s, then_s = 1e-3 * k, 1e-3 * k + answer.ahead_s + 0.01
+        mean = 0.5 * jerk * (then_s**2 - now_s**2) / (then_s - now_s)
+        if k >= 5:
+            assert answer.acceleration[0] == pytest.approx(mean, rel=1e-6), k
         if k >= 3:
-            assert answer.acceleration[0] == pytest.approx(gain, rel=1e-6), k
+            assert answer.acceleration[0] / mean >= 0.75
+
+
+def test_an_acceleration_grows_no_further_than_drives_brake():
+    answers = speeding_up(lambda t: 2.0e4 * t * t, lambda t: 2.0e4 * t**3 / 3.0, 8)
+    assert answers[-1].acceleration[0] == BRAKE
 
 
 def test_noise_of_a_velocity_is_no_acceleration_of_its_own_size():

@@ -95,25 +95,30 @@ def _is_clean(motion: JointPath, robot: Robot, settings: Settings, begin: Postur
     rows = []
     for t in np.linspace(0.0, motion.duration_s, LOOKS):
         position, velocity, gain = (np.array(part) for part in motion.at(float(t)))
-        mean = _lasting(motion, float(t), max(settings.latency_s, PERIOD_S))
+        mean = _lasting(motion, float(t), settings)
         for kept in (gain, mean, np.where(velocity * mean < 0.0, 0.0, mean), np.zeros(len(gain))):
             out = braking(position, velocity, kept, settings, BRAKING)
             rows += [out, out[::-1]]  # and back, so that a branch can be followed through all of it
     return bool((margins_along(robot, settings, np.concatenate(rows), begin) >= enough).all())
 
 
-def _lasting(motion: JointPath, t: float, span_s: float) -> Array:
-    """The acceleration of each joint as far as anybody can tell from the last samples: its mean over a while, or over
-    the last half or quarter of that where it speeds up more."""
+def _lasting(motion: JointPath, t: float, settings: Settings) -> Array:
+    """The acceleration of each joint as far as anybody can tell from the last samples: its mean over the latency, or
+    over the last half or quarter of that where it speeds up more; if it stood before, growing on until it brakes."""
     velocity = np.array(motion.at(t).velocity)
+    span_s = max(settings.latency_s, PERIOD_S)
 
-    def mean(span_s: float) -> Array:
-        return np.asarray((velocity - np.array(motion.at(max(t - span_s, 0.0)).velocity)) / span_s)
+    def before(span_s: float) -> Array:
+        return np.array(motion.at(max(t - span_s, 0.0)).velocity)
 
-    found = mean(span_s)
-    for later in (mean(0.5 * span_s), mean(0.25 * span_s)):
+    found, half, quarter = ((velocity - before(share * span_s)) / (share * span_s) for share in (1.0, 0.5, 0.25))
+    until_s = settings.latency_s + BEYOND_S
+    grown = quarter + (quarter - half) / (0.125 * span_s) * (0.125 * span_s + 0.5 * until_s)
+    stood = np.abs(before(span_s)) <= settings.standstill_speed
+    for later in (half, quarter, np.where(stood, grown, quarter)):
         found = np.where((later * velocity > 0.0) & (np.abs(later) > found * np.sign(velocity)), later, found)
-    return found
+    most = np.array(settings.deceleration_limit)
+    return np.asarray(np.clip(found, -most, most))
 
 
 def measured(position: Floats, settings: Settings) -> Floats:

@@ -2,10 +2,13 @@
 
 Between two random places every joint swings smoothly, at up to all that the drives can do, whatever lies in between.
 The supervisor sees each sample, its verdict is obeyed after the latency of the settings, then every joint brakes by
-itself. Afterwards the margins are evaluated where the joints really were.
+itself. Afterwards the margins are evaluated where the joints really were. Only swings count that can be stopped when
+they are first seen: drives that run over a limit before anybody can have known are beyond supervision.
 """
 
 from __future__ import annotations
+
+from typing import Protocol
 
 import numpy as np
 
@@ -14,7 +17,7 @@ from irsbot_msgs_py.records import JointSample
 from irsbot_supervisor.campaign.rows import Job, Row, Tally
 from irsbot_supervisor.campaign.truth import Array, good_postures, joint_ranges, limits, margins_along, supervised
 from irsbot_supervisor.core.intake import S
-from irsbot_supervisor.core.motion import JointLimits
+from irsbot_supervisor.core.motion import JointLimits, JointPath, JointPoint
 from irsbot_supervisor.core.pipeline import Supervisor
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.settings_file import read_settings
@@ -44,35 +47,77 @@ def run(job: Job) -> Row:
         stop, done, wanted = limits(settings, "stop"), 0, -(-job.amount // len(names))
         while done < wanted:
             for start in good_postures(robot, settings, wanted - done, rng):
-                way, stopped = _swing(robot, settings, start, rng)
-                spare = float((margins_along(robot, settings, way) - stop).min())
-                if not (stopped or spare < 0.0):
+                motion = _random_swing(robot, settings, start, rng)
+                watched = _Supervised(robot, settings)
+                spare = float((margins_along(robot, settings, _way(motion, settings, watched)) - stop).min())
+                if not (watched.stopped or spare < 0.0):
                     continue  # it met no limit
+                seen_first = _way(motion, settings, _Sighted(settings))
+                if (margins_along(robot, settings, seen_first) < stop).any():
+                    tally.add("not counted: nobody could have stopped them")
+                    continue
                 done += 1
                 tally.smallest("least margin above its stop limit", spare)
                 tally.case(f"{name}: {-spare:.2e} below a stop limit" if not spare >= 0.0 else "")
     return tally.row()
 
 
-def _swing(robot: Robot, settings: Settings, start: Array, rng: np.random.Generator) -> tuple[Array, bool]:
-    """(N, n) where the joints were, and whether the robot was stopped."""
-    low, high = joint_ranges(robot)
-    drives_can = JointLimits(settings.velocity_limit, settings.deceleration_limit, settings.deceleration_limit)
-    goal = np.clip(start + rng.uniform(-0.5, 0.5, len(start)) * (high - low), low, high)
-    motion = swing(tuple(start.tolist()), tuple(goal.tolist()), drives_can, speed=float(rng.uniform(*SPEEDS)))
-    drives, obedience = Drives(motion, drives_can, settings.latency_s), Obedience(SILENCE_S)
-    supervisor = Supervisor(settings, robot)
-    way, stopped = [tuple(start.tolist())], False
-    for k in range(1, round((motion.duration_s + REST_S) / PERIOD_S)):
-        after_ns = round(k * PERIOD_S * S)
-        now = drives.step(PERIOD_S, obedience.allowed(S + after_ns))
-        way.append(now.position)
-        stamp_ns = BEGIN_NS + after_ns
-        sample = JointSample(stamp_ns, stamp_ns, S + after_ns, settings.joint_names, now.position, now.velocity)
-        verdict = supervisor.step(sample).verdict
+class _Lookout(Protocol):
+    """Who may stop the drives."""
+
+    stopped: bool
+
+    def allowed(self, after_ns: int, now: JointPoint) -> float:
+        """Share of full speed that is allowed for the next period, after a look at where the joints are."""
+
+
+class _Supervised:
+    """The supervisor, obeyed as long as it is heard."""
+
+    def __init__(self, robot: Robot, settings: Settings) -> None:
+        self._supervisor, self._obedience = Supervisor(settings, robot), Obedience(SILENCE_S)
+        self._names = settings.joint_names
+        self.stopped = False
+
+    def allowed(self, after_ns: int, now: JointPoint) -> float:
+        stamp_ns, seen_ns = BEGIN_NS + after_ns, S + after_ns
+        sample = JointSample(stamp_ns, stamp_ns, seen_ns, self._names, now.position, now.velocity)
+        verdict = self._supervisor.step(sample).verdict
         if verdict is not None:
-            obedience.hear(verdict.level, verdict.speed_scale, S + after_ns)
-            stopped = stopped or verdict.latched
-        if stopped and drives.stands:
+            self._obedience.hear(verdict.level, verdict.speed_scale, seen_ns)
+            self.stopped = self.stopped or verdict.latched
+        return self._obedience.allowed(seen_ns + round(PERIOD_S * S))
+
+
+class _Sighted:
+    """Stops the drives with the first sample that shows that they do not stand: nobody can do it sooner."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._slow = settings.standstill_speed
+        self.stopped = False
+
+    def allowed(self, _after_ns: int, now: JointPoint) -> float:
+        self.stopped = self.stopped or max(map(abs, now.velocity)) > self._slow
+        return float(not self.stopped)
+
+
+def _random_swing(robot: Robot, settings: Settings, start: Array, rng: np.random.Generator) -> JointPath:
+    low, high = joint_ranges(robot)
+    goal = np.clip(start + rng.uniform(-0.5, 0.5, len(start)) * (high - low), low, high)
+    return swing(tuple(start.tolist()), tuple(goal.tolist()), _drives_can(settings), speed=float(rng.uniform(*SPEEDS)))
+
+
+def _way(motion: JointPath, settings: Settings, lookout: _Lookout) -> Array:
+    """(N, n) where the joints are, period by period, until they stand after the motion or because they were stopped."""
+    drives, allowed = Drives(motion, _drives_can(settings), settings.latency_s), 0.0
+    way = [drives.now.position]
+    for k in range(1, round((motion.duration_s + REST_S) / PERIOD_S)):
+        way.append(drives.step(PERIOD_S, allowed).position)
+        allowed = lookout.allowed(round(k * PERIOD_S * S), drives.now)
+        if lookout.stopped and drives.stands:
             break
-    return np.array(way), stopped
+    return np.array(way)
+
+
+def _drives_can(settings: Settings) -> JointLimits:
+    return JointLimits(settings.velocity_limit, settings.deceleration_limit, settings.deceleration_limit)

@@ -59,7 +59,7 @@ class Estimate(NamedTuple):
     degraded: str  # empty, or why rates were derived from the positions
     ahead_s: float  # s that the robot goes on unseen: the age of the sample, and until the next has been judged
     steady_s: float  # s for which samples have come without a silence; infinite if there was none
-    acceleration: Floats  # rad/s2 or m/s2, over the last latency; 0 where that is not known, at most what drives can
+    acceleration: Floats  # rad/s2 or m/s2, until the brakes act; 0 where that is not known, at most what drives can
 
 
 class Estimator:
@@ -288,7 +288,8 @@ class Estimator:
         if bool(degraded) != self._derived:  # rates of two kinds do not tell an acceleration
             self._derived = bool(degraded)
             self._past.clear()
-        acceleration = self._acceleration(sample.stamp_ns, told)
+        ahead_s = expected_s + (age / S if age > 0 else 0.0)
+        acceleration = self._acceleration(sample.stamp_ns, told, ahead_s)
         estimate = Estimate(
             sample.stamp_ns,
             sample.received_ns,
@@ -297,28 +298,32 @@ class Estimator:
             velocity,
             sample.effort,
             degraded,
-            expected_s + (age / S if age > 0 else 0.0),
+            ahead_s,
             self._gaps.steady_s(sample.seen_ns),
             acceleration,
         )
         self._before, self._last = self._last, estimate
         return estimate
 
-    def _acceleration(self, stamp_ns: int, velocity: Floats) -> Floats:
+    def _acceleration(self, stamp_ns: int, velocity: Floats, ahead_s: float) -> Floats:
         """Mean over the time that the outlook looks ahead, or over its last half or quarter where a joint speeds up
-        more in these: what has just begun is not thinned out. Over one sample a small step of a command, or the noise
-        of a velocity, would count as many times as there are samples in that time."""
+        more in these: what has just begun is not thinned out. What began from standstill in this time grows on, until
+        the brakes act, as it grew from the last half to the last quarter. Over one sample a small step of a command, or
+        the noise of a velocity, would count as many times as there are samples in that time."""
         past = self._past
         while len(past) > 1 and stamp_ns - past[1][0] >= self._horizon_ns:
             past.popleft()
         acceleration = self._steady
         if past and not past[0][1] == past[-1][1] == velocity:
             spans = past[0], past[-max(len(past) // 2, 1)], past[-max(len(past) // 4, 1)]
-            per, per_half, per_quarter = [S / (stamp_ns - then_ns) for then_ns, _before in spans]
+            whole_s, half_s, quarter_s = [(stamp_ns - then_ns) / S for then_ns, _before in spans]
+            unseen_s = self._horizon_ns / S + ahead_s
+            growth = (quarter_s + unseen_s) / (half_s - quarter_s) if half_s > quarter_s else 0.0
             found = []
             for now, most, a, b, c in zip(velocity, self._brake, *[before for _ns, before in spans], strict=True):
-                mean = (now - a) * per
-                for later in ((now - b) * per_half, (now - c) * per_quarter):
+                mean, half, quarter = (now - a) / whole_s, (now - b) / half_s, (now - c) / quarter_s
+                grown = quarter + (quarter - half) * growth if -self._slow <= a <= self._slow else quarter
+                for later in (half, quarter, grown):
                     if later * now > 0.0 and abs(later) > mean * now / abs(now):
                         mean = later
                 # Drives speed up no faster than they brake; what is not known counts as none.
