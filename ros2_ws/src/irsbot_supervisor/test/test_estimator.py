@@ -452,6 +452,16 @@ def test_noise_of_a_velocity_is_no_acceleration_of_its_own_size():
     assert max(map(abs, found[20:])) <= 0.12 / 0.002 + 1e-6
 
 
+def test_noise_of_a_joint_that_stands_does_not_grow():
+    """Within the shipped standstill speed, 0.02 rad/s, the most that two samples make of it is 0.04 rad/s in 2 ms."""
+    rng = np.random.default_rng(6)
+    filter_, found = estimator(), []
+    for k in range(2000):
+        said = float(rng.choice([-0.02, 0.02]))
+        found.append(good(filter_.update(accepted(k, (0.0, 1.0), (said, 0.0)))).acceleration[0])
+    assert max(map(abs, found[20:])) == pytest.approx(0.04 / 0.002)
+
+
 def test_until_it_is_known_to_be_frozen_a_joint_is_taken_to_move_as_it_says():
     filter_ = estimator()
     watch(filter_, moving((10.0, 0.0), (10.0, 0.0), 0, 20))

@@ -114,8 +114,9 @@ def _lasting(motion: JointPath, t: float, settings: Settings) -> Array:
     found, half, quarter = ((velocity - before(share * span_s)) / (share * span_s) for share in (1.0, 0.5, 0.25))
     until_s = settings.latency_s + BEYOND_S
     grown = quarter + (quarter - half) / (0.125 * span_s) * (0.125 * span_s + 0.5 * until_s)
-    stood = np.abs(before(span_s)) <= settings.standstill_speed
-    for later in (half, quarter, np.where(stood, grown, quarter)):
+    slow = settings.standstill_speed
+    begun = (np.abs(before(span_s)) <= slow) & (np.abs(velocity) > slow)
+    for later in (half, quarter, np.where(begun, grown, quarter)):
         found = np.where((later * velocity > 0.0) & (np.abs(later) > found * np.sign(velocity)), later, found)
     most = np.array(settings.deceleration_limit)
     return np.asarray(np.clip(found, -most, most))

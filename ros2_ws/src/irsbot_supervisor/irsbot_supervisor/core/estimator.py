@@ -319,10 +319,11 @@ class Estimator:
             whole_s, half_s, quarter_s = [(stamp_ns - then_ns) / S for then_ns, _before in spans]
             unseen_s = self._horizon_ns / S + ahead_s
             growth = (quarter_s + unseen_s) / (half_s - quarter_s) if half_s > quarter_s else 0.0
-            found = []
+            found, slow = [], self._slow
             for now, most, a, b, c in zip(velocity, self._brake, *[before for _ns, before in spans], strict=True):
                 mean, half, quarter = (now - a) / whole_s, (now - b) / half_s, (now - c) / quarter_s
-                grown = quarter + (quarter - half) * growth if -self._slow <= a <= self._slow else quarter
+                begun = -slow <= a <= slow and not -slow <= now <= slow
+                grown = quarter + (quarter - half) * growth if begun else quarter
                 for later in (half, quarter, grown):
                     if later * now > 0.0 and abs(later) > mean * now / abs(now):
                         mean = later
