@@ -416,25 +416,40 @@ def speeding_up(velocity: Callable[[float], float], position: Callable[[float], 
 
 @pytest.mark.parametrize("gain", [150.0, -150.0])
 def test_an_acceleration_that_has_just_begun_is_not_thinned_out(gain):
-    """For as long as the window of 5 ms reaches back to rest it may go on growing, as far as anybody knows."""
     answers = speeding_up(lambda t: gain * t, lambda t: 0.5 * gain * t * t, 29)
     for answer in answers[2:]:
-        assert answer.acceleration[0] / gain >= 1.0 - 1e-6
-    for answer in answers[5:]:
         assert answer.acceleration[0] == pytest.approx(gain, rel=1e-6)
+
+
+@pytest.mark.parametrize("late_ms", [0.0, 0.2, 0.5, 0.8])
+@pytest.mark.parametrize("rate", [0.05, 0.15, 0.25, 0.35, 1.5, -0.25])
+def test_a_rate_that_is_reached_with_a_constant_acceleration_is_not_expected_to_grow_on(rate, late_ms):
+    """100 rad/s2, begun between two samples: the first ones differ in what they gain."""
+    whole_s = abs(rate) / 100.0
+
+    def way(t: float) -> float:
+        going_s = max(t - 1e-3 * late_ms, 0.0)
+        begun_s = min(going_s, whole_s)
+        return (50.0 * begun_s**2 + 100.0 * whole_s * (going_s - begun_s)) * (1.0 if rate > 0.0 else -1.0)
+
+    def pace(t: float) -> float:
+        return 100.0 * min(max(t - 1e-3 * late_ms, 0.0), whole_s) * (1.0 if rate > 0.0 else -1.0)
+
+    for answer in speeding_up(pace, way, 30):
+        assert abs(answer.acceleration[0]) <= 100.0 * (1.0 + 1e-6)
 
 
 @pytest.mark.parametrize("jerk", [1.5e4, -1.5e4])
 def test_an_acceleration_that_grows_from_rest_goes_on_growing_until_the_brakes_act(jerk):
-    """A constant jerk: known from 5 ms after the start, when the last half of the latency is in it, to its end."""
+    """A constant jerk, as it is known from the fourth sample on."""
     answers = speeding_up(lambda t: 0.5 * jerk * t * t, lambda t: jerk * t**3 / 6.0, 10)
     for k, answer in enumerate(answers, 1):
         now_s, then_s = 1e-3 * k, 1e-3 * k + answer.ahead_s + 0.01
         mean = 0.5 * jerk * (then_s**2 - now_s**2) / (then_s - now_s)
-        if k >= 5:
+        if k >= 4:
             assert answer.acceleration[0] == pytest.approx(mean, rel=1e-6), k
-        if k >= 3:
-            assert answer.acceleration[0] / mean >= 0.75
+        if k == 3:
+            assert 0.6 <= answer.acceleration[0] / mean <= 1.0
 
 
 def test_an_acceleration_grows_no_further_than_drives_brake():
@@ -457,9 +472,9 @@ def test_noise_of_a_joint_that_stands_does_not_grow():
     rng = np.random.default_rng(6)
     filter_, found = estimator(), []
     for k in range(2000):
-        said = float(rng.choice([-0.02, 0.02]))
+        said = float(rng.uniform(-0.02, 0.02))
         found.append(good(filter_.update(accepted(k, (0.0, 1.0), (said, 0.0)))).acceleration[0])
-    assert max(map(abs, found[20:])) == pytest.approx(0.04 / 0.002)
+    assert max(map(abs, found[20:])) <= 0.04 / 0.002
 
 
 def test_until_it_is_known_to_be_frozen_a_joint_is_taken_to_move_as_it_says():

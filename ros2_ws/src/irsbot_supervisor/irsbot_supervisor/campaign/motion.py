@@ -105,18 +105,18 @@ def _is_clean(motion: JointPath, robot: Robot, settings: Settings, begin: Postur
 def _lasting(motion: JointPath, t: float, settings: Settings) -> Array:
     """The acceleration of each joint as far as anybody can tell from the last samples: its mean over the latency, or
     over the last half or quarter of that where it speeds up more; if it stood before, growing on until it brakes."""
-    velocity = np.array(motion.at(t).velocity)
-    span_s = max(settings.latency_s, PERIOD_S)
+    span_s, slow = max(settings.latency_s, PERIOD_S), settings.standstill_speed
 
     def before(span_s: float) -> Array:
         return np.array(motion.at(max(t - span_s, 0.0)).velocity)
 
+    velocity = before(0.0)
     found, half, quarter = ((velocity - before(share * span_s)) / (share * span_s) for share in (1.0, 0.5, 0.25))
-    until_s = settings.latency_s + BEYOND_S
-    grown = quarter + (quarter - half) / (0.125 * span_s) * (0.125 * span_s + 0.5 * until_s)
-    slow = settings.standstill_speed
+    jerks = np.diff([before(k * PERIOD_S) for k in (4, 3, 2, 1, 0)], n=2, axis=0) / PERIOD_S**2
+    jerk = np.where(velocity > 0.0, np.maximum(jerks.min(axis=0), 0.0), np.minimum(jerks.max(axis=0), 0.0))
+    grown = quarter + jerk * (0.125 * span_s + 0.5 * (settings.latency_s + BEYOND_S))
     begun = (np.abs(before(span_s)) <= slow) & (np.abs(velocity) > slow)
-    for later in (half, quarter, np.where(begun, grown, quarter)):
+    for later in (half, np.where(begun, grown, quarter)):
         found = np.where((later * velocity > 0.0) & (np.abs(later) > found * np.sign(velocity)), later, found)
     most = np.array(settings.deceleration_limit)
     return np.asarray(np.clip(found, -most, most))

@@ -3,7 +3,7 @@
 Between two random places every joint swings smoothly, at up to all that the drives can do, whatever lies in between.
 The supervisor sees each sample, its verdict is obeyed after the latency of the settings, then every joint brakes by
 itself. Afterwards the margins are evaluated where the joints really were. Only swings count that can be stopped when
-they are first seen: drives that run over a limit before anybody can have known are beyond supervision.
+enough has been seen of them: drives that run over a limit before anybody can have known are beyond supervision.
 """
 
 from __future__ import annotations
@@ -35,6 +35,8 @@ SPEEDS = (0.2, 1.0)
 """1: share of the fastest swing, lowest and highest."""
 REST_S = 0.5
 """s before and after a swing in which OK and a stop are still waited for."""
+SIGHTINGS = 3
+"""Samples in motion after which a swing can be known: one tells no acceleration, and two do not tell how it grows."""
 
 
 def run(job: Job) -> Row:
@@ -90,14 +92,15 @@ class _Supervised:
 
 
 class _Sighted:
-    """Stops the drives with the first sample that shows that they do not stand: nobody can do it sooner."""
+    """Stops the drives as soon as it can be known where they go."""
 
     def __init__(self, settings: Settings) -> None:
-        self._slow = settings.standstill_speed
+        self._slow, self._sightings = settings.standstill_speed, 0
         self.stopped = False
 
     def allowed(self, _after_ns: int, now: JointPoint) -> float:
-        self.stopped = self.stopped or max(map(abs, now.velocity)) > self._slow
+        self._sightings += max(map(abs, now.velocity)) > self._slow
+        self.stopped = self._sightings >= SIGHTINGS
         return float(not self.stopped)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from itertools import pairwise
 from math import copysign, inf, isfinite, nan, remainder
 from operator import sub
 from typing import NamedTuple
@@ -35,6 +36,9 @@ lag of a filter either, however slow the motion was: old positions are no better
 
 SHORTEST = 0.25
 """1: speeding up counts as the mean over the latency or, if that is more, over its last half or this last part."""
+
+FINEST = 8
+"""1: parts of the latency, at most, from one to the next of which an acceleration is seen to grow."""
 
 JUDGING_S = 0.005
 """s: judging a sample takes no longer, if there is so much time between two: the work for one sample is bounded."""
@@ -308,8 +312,8 @@ class Estimator:
     def _acceleration(self, stamp_ns: int, velocity: Floats, ahead_s: float) -> Floats:
         """Mean over the time that the outlook looks ahead, or over its last half or quarter where a joint speeds up
         more in these: what has just begun is not thinned out. What began from standstill in this time grows on, until
-        the brakes act, as it grew from the last half to the last quarter. Over one sample a small step of a command, or
-        the noise of a velocity, would count as many times as there are samples in that time."""
+        the brakes act, as it grew. Over one sample a small step of a command, or the noise of a velocity, would count
+        as many times as there are samples in that time."""
         past = self._past
         while len(past) > 1 and stamp_ns - past[1][0] >= self._horizon_ns:
             past.popleft()
@@ -317,14 +321,13 @@ class Estimator:
         if past and not past[0][1] == past[-1][1] == velocity:
             spans = past[0], past[-max(len(past) // 2, 1)], past[-max(len(past) // 4, 1)]
             whole_s, half_s, quarter_s = [(stamp_ns - then_ns) / S for then_ns, _before in spans]
-            unseen_s = self._horizon_ns / S + ahead_s
-            growth = (quarter_s + unseen_s) / (half_s - quarter_s) if half_s > quarter_s else 0.0
             found, slow = [], self._slow
-            for now, most, a, b, c in zip(velocity, self._brake, *[before for _ns, before in spans], strict=True):
-                mean, half, quarter = (now - a) / whole_s, (now - b) / half_s, (now - c) / quarter_s
-                begun = -slow <= a <= slow and not -slow <= now <= slow
-                grown = quarter + (quarter - half) * growth if begun else quarter
-                for later in (half, quarter, grown):
+            joints = zip(velocity, self._brake, *[before for _ns, before in spans], strict=True)
+            for k, (now, most, a, b, c) in enumerate(joints):
+                mean, last = (now - a) / whole_s, (now - c) / quarter_s
+                if -slow <= a <= slow and not -slow <= now <= slow:
+                    last += self._growth(stamp_ns, k, now) * 0.5 * (quarter_s + self._horizon_ns / S + ahead_s)
+                for later in ((now - b) / half_s, last):
                     if later * now > 0.0 and abs(later) > mean * now / abs(now):
                         mean = later
                 # Drives speed up no faster than they brake; what is not known counts as none.
@@ -332,6 +335,20 @@ class Estimator:
             acceleration = tuple(found)
         past.append((stamp_ns, velocity))
         return acceleration
+
+    def _growth(self, stamp_ns: int, joint: int, now: float) -> float:
+        """rad/s3 or m/s3: the least by which the acceleration of a joint grows from each of the last few samples to the
+        next; 0 unless it does so from each. A rate that is reached with a constant acceleration is no such growth."""
+        past = self._past
+        apart = max(len(past) // FINEST, 1)
+        if len(past) < 4 * apart:
+            return 0.0
+        rates = [*[past[-k * apart][1][joint] for k in (4, 3, 2, 1)], now]
+        gains = [later - earlier for earlier, later in pairwise(rates)]
+        growths = [later - earlier for earlier, later in pairwise(gains)]
+        least = min(growths) if now > 0.0 else max(growths)
+        step_s = (stamp_ns - past[-4 * apart][0]) / S / 4.0
+        return least / (step_s * step_s) if least * now > 0.0 else 0.0
 
     def _difference(self, now: Floats, before: Floats) -> Floats:
         return tuple(map(remainder, map(sub, now, before), self._turns))
