@@ -8,7 +8,7 @@ from math import exp, inf, isnan, nan, pi, tau
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from supervised import settings_of
 
@@ -91,9 +91,12 @@ def test_a_rate_that_contradicts_the_positions_is_replaced(rate, said):
 )
 def test_joints_are_never_taken_to_be_slower_than_their_positions_prove(rate, said, period_ms):
     """Over one period the joint moved at `rate` on the average; braking all the time, it is still faster than that
-    less half of what braking takes off in a period, and less what the encoder steps blur."""
+    less half of what braking takes off in a period, and less what the encoder steps blur, and a stamp that is half a
+    millisecond off, as far as the message says that the joint moves."""
+    assume(abs(rate) * period_ms * 1e-3 > 2e-5)  # what stands may be frozen
     answers = watch(estimator(), moving((rate, 0.0), (said, 0.0), end_ms=4 * period_ms, period_ms=period_ms))
-    proven = abs(rate) - 0.5 * BRAKE * period_ms * 1e-3 - 2e-5 / (period_ms * 1e-3)
+    blurred = 2e-5 / (period_ms * 1e-3) + abs(said) * 0.5 / period_ms
+    proven = abs(rate) - 0.5 * BRAKE * period_ms * 1e-3 - blurred
     for answer in answers[1:]:
         if isinstance(answer, Estimate):
             velocity = answer.velocity[0] if rate >= 0.0 else -answer.velocity[0]
@@ -455,6 +458,79 @@ def test_an_acceleration_that_grows_from_rest_goes_on_growing_until_the_brakes_a
 def test_an_acceleration_grows_no_further_than_drives_brake():
     answers = speeding_up(lambda t: 2.0e4 * t * t, lambda t: 2.0e4 * t**3 / 3.0, 8)
     assert answers[-1].acceleration[0] == BRAKE
+
+
+def filtered(lag_s: float) -> Callable[[float], float]:
+    """What a filter of first order makes of a rate that grows with all that the drives can do."""
+    return lambda t: BRAKE * (t - lag_s * (1.0 - exp(-t / lag_s)))
+
+
+@pytest.mark.parametrize("velocity", [lambda t: 0.0, lambda t: 0.5 * BRAKE * t, filtered(0.005), filtered(0.01)])
+def test_rates_that_stay_behind_the_positions_hide_no_acceleration(velocity):
+    """Zeros, the wrong unit, long filters: what the positions say counts, soon after a start from rest."""
+    for k, answer in enumerate(speeding_up(velocity, lambda t: 0.5 * BRAKE * t * t, 8), 1):
+        if k >= 3:
+            assert "joint_1" in answer.degraded
+            assert answer.velocity[0] == pytest.approx(BRAKE * (k - 0.5) * 1e-3)
+        if k >= 4:
+            assert answer.acceleration[0] == pytest.approx(BRAKE)
+
+
+def test_where_rates_begin_to_be_wrong_no_joint_speeds_up():
+    filter_ = estimator()
+    watch(filter_, moving((6.0, 0.0), (6.0, 0.0), 0, 30))
+    answers = [good(filter_.update(accepted(k, (6e-3 * k, 1.0), (3.0, 0.0)))) for k in range(30, 60)]
+    assert all(answer.degraded for answer in answers[3:])
+    for answer in answers:
+        assert answer.acceleration[0] == pytest.approx(0.0, abs=1e-6) or not answer.degraded
+
+
+@pytest.mark.parametrize("velocity", [lambda t: 0.95 * BRAKE * t, lambda t: 1.05 * BRAKE * t, filtered(0.0005)])
+def test_rates_that_nearly_add_up_to_the_way_are_believed(velocity):
+    for answer in speeding_up(velocity, lambda t: 0.5 * BRAKE * t * t, 25):
+        assert not answer.degraded
+
+
+@pytest.mark.parametrize("hz", [1000, 1500, 2500, 4000])
+@pytest.mark.parametrize("rate", [7.0, 11.5])
+@pytest.mark.parametrize("tells", [True, False])
+def test_stamps_that_come_close_together_make_no_joint_run(hz, rate, tells):
+    """Each is up to 0.3 ms off; the order stays."""
+    rng = np.random.default_rng(8)
+    times_ms = np.arange(0.0, 300.0, 1e3 / hz)
+    stamps_ms = np.maximum.accumulate(
+        times_ms + rng.uniform(-0.3, 0.3, len(times_ms)) + 1e-6 * np.arange(len(times_ms))
+    )
+    filter_, latest = estimator(), -1.0
+    for t, stamp in zip(times_ms, stamps_ms, strict=True):
+        if stamp > latest:
+            latest, said = stamp, (rate, 0.0) if tells else ()
+            answer = filter_.update(accepted(stamp, (1e-3 * rate * t, 1.0), said, seen_ms=t + 1.0))
+            if tells:
+                assert (good(answer).velocity, answer.degraded) == ((rate, 0.0), "")
+            elif t > 10.0:  # until something is known of its pace
+                assert abs(good(answer).velocity[0]) <= 1.25 * SPEED
+
+
+def test_a_first_sample_without_velocities_hides_no_acceleration():
+    """It stays in the window for as long as the latency."""
+    filter_ = estimator(latency_s=0.3, velocity_limit=1.0)
+    good(filter_.update(accepted(0, (0.0, 1.0), ())))
+    for k in range(1, 120):
+        t = 1e-3 * k
+        answer = good(filter_.update(accepted(k, (4.0 * t * t, 1.0), (8.0 * t, 0.0))))
+        if k >= 10:
+            assert answer.acceleration[0] == pytest.approx(8.0, rel=1e-6)
+
+
+@pytest.mark.parametrize("speed", [0.16, 0.2, 0.25, 0.4])
+def test_a_slow_joint_whose_encoder_is_coarse_is_not_frozen(speed):
+    """0.02 of full speed is 0.24 rad/s; an encoder of 9 bits stands still for up to 80 ms then."""
+    resolution = tau / 512
+    filter_ = estimator(encoder_resolution=resolution)
+    for ms in range(1000):
+        step = resolution * round(1e-3 * speed * ms / resolution)
+        good(filter_.update(accepted(ms, (step, 1.0), (speed, 0.0))))
 
 
 def test_noise_of_a_velocity_is_no_acceleration_of_its_own_size():

@@ -231,6 +231,18 @@ def test_new_settings_do_not_shorten_what_has_to_be_learned_after_a_silence():
     assert {step.state.level for step in feed(supervisor, resting(430, 400 + SETTLING_MS, q))} == {Level.UNKNOWN}
 
 
+@pytest.mark.parametrize(("stale_s", "ok_ms"), [(0.5, 1000), (0.02, SETTLING_MS)])
+def test_new_settings_may_lengthen_what_has_to_be_learned_at_the_beginning(stale_s, ok_ms):
+    supervisor = supervisor_of()
+    q = joints_of(supervisor, 0.0, -0.85)
+    feed(supervisor, resting(0, 10, q))
+    supervisor.step(configure(10, supervisor, stale_s=stale_s))
+    steps = feed(supervisor, resting(10, 1200, q))
+    (ok, *later) = [turn for step in steps for turn in step.turns if turn.level == Level.OK]
+    assert not later
+    assert ok.since_ns - STEADY_NS == (ok_ms + DWELL_MS) * MS
+
+
 @pytest.mark.parametrize(("stream_ms", "gap_ms"), [(20, 45), (1, 49), (5, 30)])
 def test_who_watches_a_robot_that_already_moves_says_ok_only_when_the_gaps_between_samples_are_known(stream_ms, gap_ms):
     supervisor = supervisor_of()

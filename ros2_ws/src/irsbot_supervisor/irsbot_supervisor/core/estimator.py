@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from irsbot_kinematics.mechanism import Coordinate
 from irsbot_msgs_py.records import Cause, Floats
+from irsbot_supervisor.core.agreement import JITTER_S, Agreement
 from irsbot_supervisor.core.arrivals import Gaps, SecondLargest
 from irsbot_supervisor.core.intake import OVERSPEED, Accepted, Rejected, S
 from irsbot_supervisor.core.settings import Settings
@@ -46,10 +47,6 @@ JUDGING_S = 0.005
 LEAD_NS = 10 * S
 """ns for which it is remembered at least that a sender's clock is ahead of ours."""
 
-JITTER_S = 0.0005
-"""s by which a stamp may be off without saying that a joint jumped, as far as the message says that the joint moves:
-senders without real time stamp late at times."""
-
 
 class Estimate(NamedTuple):
     """Where the joints are and how fast they move."""
@@ -66,6 +63,18 @@ class Estimate(NamedTuple):
     acceleration: Floats  # rad/s2 or m/s2, until the brakes act; 0 where that is not known, at most what drives can
 
 
+class Past(NamedTuple):
+    """Rates that there were, of two kinds, which together tell no acceleration."""
+
+    stamp_ns: int
+    told: Floats  # rad/s or m/s: as reported, where that is believed
+    derived: Floats  # rad/s or m/s: differences of positions; empty in a first sample
+
+    def rates(self, by_positions: bool) -> Floats:
+        """Those of one kind."""
+        return self.derived if by_positions else self.told
+
+
 class Estimator:
     """Keeps the last good sample. Angles are compared modulo a turn."""
 
@@ -78,8 +87,8 @@ class Estimator:
         self._last: Estimate | None = None
         self._before: Estimate | None = None  # the one before the last
         self._astray: Accepted | None = None
-        self._past: deque[tuple[int, Floats]] = deque()  # stamps and velocities, over the latency
-        self._derived = False  # whether those are differences of positions
+        self._past: deque[Past] = deque()  # over the latency
+        self._agreement = Agreement()
         # Joint: the way that was reported while it stood still, where that began, and since when; of a frozen one
         # infinite, where it froze, and since when the message reports rest.
         self._stuck: dict[int, tuple[float, float, int]] = {}
@@ -119,6 +128,7 @@ class Estimator:
             if sure and odd and (before := self._gone_on(sample, 0.5 * change)):
                 self._astray, self._before, self._last, last, fault = None, None, before, before, ""
                 self._past.pop()
+                self._agreement.forget()
                 dt = (sample.stamp_ns - last.stamp_ns) / S
                 moved = self._difference(sample.position, last.position)
                 change = self._change(moved, dt, last.velocity)
@@ -133,12 +143,18 @@ class Estimator:
             by_stamps = inf if dt > self._longest_s else change
             if by_stamps > 1.0 and self._was_set(moved, passed_s, last.velocity, 0.5 * by_stamps):
                 dt = stamped_s = passed_s
-            velocity, told, degraded = self._believe(velocity, tuple([step / dt for step in moved]), dt)
+            velocity, told, degraded = self._believe(velocity, last.velocity, moved, (dt, passed_s))
+        elif self._agreement.begun:
+            self._agreement.forget()
         expected = self._gaps.expected(sample.seen_ns, passed_s, stamped_s)
         ahead_s = expected + min(expected, JUDGING_S)  # until the next one has come and been judged
         if degraded:
             ahead_s += 0.5 * min(dt, self._longest_s)  # differences lag
-        return self._keep(sample, velocity, degraded, ahead_s, told)
+        return self._keep(sample, velocity, degraded, ahead_s, told, self._rates(moved, dt))
+
+    def _rates(self, moved: Floats, dt: float) -> Floats:
+        """Differences of positions over time; where stamps are off they may be more than any joint can."""
+        return tuple([max(-most, min(step / dt, most)) for step, most in zip(moved, self._fastest, strict=True)])
 
     def _ordinary(self, moved: Floats, velocity: Floats, dt: float) -> bool:
         """Whether every joint moves, no farther than it can and as it reports: then all that follows has no objection.
@@ -157,15 +173,15 @@ class Estimator:
         self._gaps.expected(sample.seen_ns, passed_s, passed_s)
         self._astray, self._stuck = None, {}
         self._past.clear()
+        self._agreement.forget()
         usable = len(sample.velocity) == count and all(map(isfinite, sample.velocity))
         if usable:
-            return self._keep(sample, sample.velocity, "", 0.0, sample.velocity)
-        nothing = (nan,) * count
-        return self._keep(sample, nothing, "the first sample has no velocities", 0.0, nothing)
+            return self._keep(sample, sample.velocity, "", 0.0, sample.velocity, ())
+        return self._keep(sample, (nan,) * count, "the first sample has no velocities", 0.0, (), ())
 
     def _jumped(self, sample: Accepted, last: Estimate, moved: Floats, dt: float) -> str:
         """Why the positions cannot have moved like this, or empty."""
-        if fault := self._jump(moved, dt, sample.velocity):
+        if fault := self._jump(moved, dt, sample.velocity or self._pace()):
             if self._jump(moved, ASTRAY * max(dt, (sample.seen_ns - last.seen_ns) / S)):  # a wrong stamp is no jump
                 self._astray = sample
             return fault
@@ -177,6 +193,11 @@ class Estimator:
             return ""  # it came back
         self._astray = sample
         return "the positions stay where they jumped"
+
+    def _pace(self) -> Floats:
+        """The fastest that positions went lately."""
+        known = [then.derived for then in self._past if then.derived]
+        return tuple([max(map(abs, rates)) for rates in zip(*known, strict=True)])
 
     def _gone_on(self, sample: Accepted, most: float) -> Estimate | None:
         """The estimate before the last, if the sample goes on from there as it moved then: it was the last one that
@@ -218,7 +239,7 @@ class Estimator:
         return max(abs(step - rate * dt) / v for step, rate, v in zip(moved, rates, self._fastest, strict=True))
 
     def _jump(self, moved: Floats, dt: float, said: Floats = ()) -> str:
-        """Why no joint moves so far in this time. said: its rate, if the message tells: then a stamp may be off."""
+        """Why no joint moves so far in this time. said: its rate, if that is known: then a stamp may be off."""
         rates = said or self._steady
         joints = zip(self._names, self._units, moved, rates, self._fastest, strict=True)
         for name, unit, step, rate, fastest in joints:
@@ -252,7 +273,7 @@ class Estimator:
                 self._stuck[k] = way, where, since_ns
                 still_ns = now_ns - since_ns
                 far = abs(way) > most and still_ns > FROZEN_S * S
-                if far or (abs(way) > self._step and abs(said) > creep and still_ns > self._stale_ns):
+                if far or (abs(way) > 2.0 * self._step and abs(said) > creep and still_ns > self._stale_ns):
                     self._stuck[k] = inf, where, now_ns
                     return self._freezing(k)
         return ""
@@ -260,23 +281,30 @@ class Estimator:
     def _freezing(self, k: int) -> str:
         return f"the position of joint '{self._names[k]}' is frozen while the message reports motion"
 
-    def _believe(self, velocity: Floats, rates: Floats, dt: float) -> tuple[Floats, Floats, str]:
+    def _believe(
+        self, velocity: Floats, before: Floats, moved: Floats, times_s: tuple[float, float]
+    ) -> tuple[Floats, Floats, str]:
         """The rates as reported where the positions agree, never slower than the positions prove; the same without
-        what they prove, which changes with every stamp that is a little off; and what is wrong."""
+        what they prove, which changes with every stamp that is a little off; and what is wrong. times_s: since the last
+        sample, by the sender's clock and by ours."""
+        dt = times_s[0]
+        rates = self._rates(moved, dt)
         if not velocity:
             return rates, rates, "the message has no velocities"
-        believed, told, degraded = [], [], ""
-        step = self._step / dt
+        believed, told, degraded, play = [], [], "", self._step
+        doubts = self._agreement.doubts(moved, velocity, before, times_s, self._fastest, self._brake, play)
         joints = zip(self._names, self._units, self._doubt, self._brake, self._fastest, strict=True)
-        for (name, unit, doubt, brake, fastest), said, seen in zip(joints, velocity, rates, strict=True):
-            if abs(said - seen) <= doubt + brake * dt + step:
-                least = abs(seen) - 0.5 * brake * dt - step
-                proven = (said if seen >= 0.0 else -said) >= least
-                believed.append(said if proven else copysign(least, seen))
+        samples = zip(velocity, rates, moved, doubts, strict=True)
+        for (name, unit, doubt, brake, fastest), (said, seen, step, doubted) in zip(joints, samples, strict=True):
+            late = play + min(abs(said), fastest) * JITTER_S
+            if abs(said * dt - step) <= (doubt + brake * dt) * dt + late and not doubted:
+                least = min((abs(step) - late) / dt - 0.5 * brake * dt, fastest)
+                proven = (said if step >= 0.0 else -said) >= least
+                believed.append(said if proven else least if step >= 0.0 else -least)
                 told.append(said)
                 continue
             # What stands still may be frozen: then the motion that is reported is the safe assumption, if it is one.
-            believed.append(said if abs(seen) <= step and abs(said) <= fastest else seen)
+            believed.append(said if abs(step) <= play and abs(said) <= fastest else seen)
             told.append(believed[-1])
             if isfinite(said):
                 fault = f"joint '{name}' reports {said:.4g} {unit}/s but its position moves at {seen:.4g} {unit}/s"
@@ -285,15 +313,16 @@ class Estimator:
             degraded = degraded or fault
         return tuple(believed), tuple(told), degraded
 
-    def _keep(self, sample: Accepted, velocity: Floats, degraded: str, expected_s: float, told: Floats) -> Estimate:
+    def _keep(
+        self, sample: Accepted, velocity: Floats, degraded: str, expected_s: float, told: Floats, derived: Floats
+    ) -> Estimate:
         age = sample.received_ns - sample.stamp_ns
         if age < 0 or self._leads.any:  # a sender whose clock is ahead: its samples are older than they say
             age += round(self._leads.second(sample.seen_ns, max(-age, 0), LEAD_NS))
-        if bool(degraded) != self._derived:  # rates of two kinds do not tell an acceleration
-            self._derived = bool(degraded)
-            self._past.clear()
         ahead_s = expected_s + (age / S if age > 0 else 0.0)
-        acceleration = self._acceleration(sample.stamp_ns, told, ahead_s)
+        acceleration = self._steady
+        if told:
+            acceleration = self._acceleration(Past(sample.stamp_ns, told, derived), bool(degraded), ahead_s)
         estimate = Estimate(
             sample.stamp_ns,
             sample.received_ns,
@@ -309,45 +338,47 @@ class Estimator:
         self._before, self._last = self._last, estimate
         return estimate
 
-    def _acceleration(self, stamp_ns: int, velocity: Floats, ahead_s: float) -> Floats:
+    def _acceleration(self, last: Past, by_positions: bool, ahead_s: float) -> Floats:
         """Mean over the time that the outlook looks ahead, or over its last half or quarter where a joint speeds up
         more in these: what has just begun is not thinned out. What began from standstill in this time grows on, until
         the brakes act, as it grew. Over one sample a small step of a command, or the noise of a velocity, would count
-        as many times as there are samples in that time."""
-        past = self._past
-        while len(past) > 1 and stamp_ns - past[1][0] >= self._horizon_ns:
+        as many times as there are samples in that time. by_positions: rates are not taken as reported."""
+        past, stamp_ns = self._past, last.stamp_ns
+        while len(past) > 1 and stamp_ns - past[1].stamp_ns >= self._horizon_ns:
             past.popleft()
-        acceleration = self._steady
-        if past and not past[0][1] == past[-1][1] == velocity:
+        acceleration, velocity = self._steady, last.rates(by_positions)
+        first = past[0].rates(by_positions) if past else ()
+        if first and not first == past[-1].rates(by_positions) == velocity:
             spans = past[0], past[-max(len(past) // 2, 1)], past[-max(len(past) // 4, 1)]
-            whole_s, half_s, quarter_s = [(stamp_ns - then_ns) / S for then_ns, _before in spans]
+            whole_s, half_s, quarter_s = [(stamp_ns - then.stamp_ns) / S for then in spans]
             found, slow = [], self._slow
-            joints = zip(velocity, self._brake, *[before for _ns, before in spans], strict=True)
+            joints = zip(velocity, self._brake, *[then.rates(by_positions) for then in spans], strict=True)
             for k, (now, most, a, b, c) in enumerate(joints):
-                mean, last = (now - a) / whole_s, (now - c) / quarter_s
+                mean, later = (now - a) / whole_s, (now - c) / quarter_s
                 if -slow <= a <= slow and not -slow <= now <= slow:
-                    last += self._growth(stamp_ns, k, now) * 0.5 * (quarter_s + self._horizon_ns / S + ahead_s)
-                for later in ((now - b) / half_s, last):
-                    if later * now > 0.0 and abs(later) > mean * now / abs(now):
-                        mean = later
+                    growth = self._growth(stamp_ns, [then.rates(by_positions)[k] for then in past], now)
+                    later += growth * 0.5 * (quarter_s + self._horizon_ns / S + ahead_s)
+                for other in ((now - b) / half_s, later):
+                    if other * now > 0.0 and abs(other) > mean * now / abs(now):
+                        mean = other
                 # Drives speed up no faster than they brake; what is not known counts as none.
                 found.append(mean if -most <= mean <= most else copysign(most, mean) if mean == mean else 0.0)
             acceleration = tuple(found)
-        past.append((stamp_ns, velocity))
+        past.append(last)
         return acceleration
 
-    def _growth(self, stamp_ns: int, joint: int, now: float) -> float:
+    def _growth(self, stamp_ns: int, past: list[float], now: float) -> float:
         """rad/s3 or m/s3: the least by which the acceleration of a joint grows from each of the last few samples to the
-        next; 0 unless it does so from each. A rate that is reached with a constant acceleration is no such growth."""
-        past = self._past
+        next; 0 unless it does so from each. A rate that is reached with a constant acceleration is no such growth.
+        past: rates of the joint over the latency."""
         apart = max(len(past) // FINEST, 1)
         if len(past) < 4 * apart:
             return 0.0
-        rates = [*[past[-k * apart][1][joint] for k in (4, 3, 2, 1)], now]
+        rates = [*[past[-k * apart] for k in (4, 3, 2, 1)], now]
         gains = [later - earlier for earlier, later in pairwise(rates)]
         growths = [later - earlier for earlier, later in pairwise(gains)]
         least = min(growths) if now > 0.0 else max(growths)
-        step_s = (stamp_ns - past[-4 * apart][0]) / S / 4.0
+        step_s = (stamp_ns - self._past[-4 * apart].stamp_ns) / S / 4.0
         return least / (step_s * step_s) if least * now > 0.0 else 0.0
 
     def _difference(self, now: Floats, before: Floats) -> Floats:

@@ -62,6 +62,7 @@ class Supervisor:
         self._verdicts = 0
         self._spoken_ns = 0
         self._good: Estimate | None = None
+        self._begun_ns = self._known_ns = 0  # first good sample, and since when it is known how often samples come
         self._at: Posture | None = None  # where the last good sample was
         self._stale = False
         self._found: list[Finding] = []
@@ -109,6 +110,8 @@ class Supervisor:
         self._set(settings)
         for stage in (self._intake, self._estimator, self._assessor, self._latch):
             stage.configure(settings)
+        if self._good is not None:
+            self._learn(change.seen_ns)
 
     @property
     def standing(self) -> bool:
@@ -151,12 +154,15 @@ class Supervisor:
         latch.keep(self._silence, seen_ns)
         return self._hold(seen_ns)
 
-    def _begin(self, seen_ns: int) -> None:
-        """The first good sample. What it says counts, but OK has to wait until it is known how often samples come."""
+    def _learn(self, now_ns: int) -> None:
+        """After the first good sample what it says counts, but OK has to wait until it is known how often samples come:
+        as long as new settings ask for, but never shorter than the old ones."""
         learning_s = SETTLING * self.settings.stale_s
-        text = f"samples have only begun to come, {learning_s * 1e3:.0f} ms are needed to tell how often"
-        begun = Finding(Cause.NO_DATA, Level.UNKNOWN, nan, nan, "", text)
-        self._latch.keep([begun], seen_ns + round(learning_s * S))
+        end_ns = self._begun_ns + round(learning_s * S)
+        if end_ns > max(now_ns, self._known_ns):
+            self._known_ns = end_ns
+            text = f"samples have only begun to come, {learning_s * 1e3:.0f} ms are needed to tell how often"
+            self._latch.keep([Finding(Cause.NO_DATA, Level.UNKNOWN, nan, nan, "", text)], end_ns)
 
     def _hold(self, seen_ns: int) -> bool:
         """What holds now: what the last sample showed, and the silence since the last good one."""
@@ -178,7 +184,8 @@ class Supervisor:
             self._hold(sample.seen_ns)
             return self._reporter.unsolved(estimate, self._samples, _causes(self._found))
         if self._good is None:
-            self._begin(sample.seen_ns)
+            self._begun_ns = sample.seen_ns
+            self._learn(sample.seen_ns)
         self._good, self._at, self._stale, self._silence = estimate, at, False, []
         floor = self._foresee(assessment, estimate)
         reaction = self._reporter.reaction(estimate, assessment)
