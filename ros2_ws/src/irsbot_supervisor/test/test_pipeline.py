@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from math import inf, isfinite, isnan, nan
+from functools import partial
+from math import exp, inf, isfinite, isnan, nan
 
 import numpy as np
 import pytest
@@ -25,6 +26,7 @@ from supervised import (
 
 import irsbot_kinematics as irs
 from irsbot_msgs_py.records import Cause, JointSample, Level, Verdict
+from irsbot_supervisor.campaign.truth import limits, margins
 from irsbot_supervisor.core.pipeline import Step, Supervisor
 from irsbot_supervisor.core.settings import InvalidSettings
 
@@ -306,6 +308,40 @@ def test_velocities_that_contradict_the_positions_do_not_hide_a_run_at_the_bound
     assert steps[5].state.level == Level.WARN
     assert steps[-1].state.level == Level.STOP
     assert min(steps[-1].state.type1_margin) > 0.15
+
+
+def late(lag_s: float, gain: np.ndarray, t: float) -> np.ndarray:
+    """What a filter of first order makes of rates that grow from rest."""
+    return gain * (t - lag_s * (1.0 - exp(-t / lag_s)))
+
+
+@pytest.mark.parametrize(
+    "told",
+    [lambda a, t: a * t, lambda a, t: 0.0 * a, lambda a, t: 0.5 * a * t, partial(late, 0.005), partial(late, 0.01)],
+)
+@pytest.mark.parametrize(
+    ("start", "gain"),
+    [
+        ((-2.5738641062924645, 3.091037635204732), (-400.0, 397.83)),
+        ((-0.2734197522941799, -0.984241433769991), (-400.0, 247.73)),
+    ],
+)
+def test_wrong_velocities_hide_no_start_from_rest_towards_a_limit(start, gain, told):
+    """All that the drives can do, from near a limit of Type 1: zeros, halved and filtered velocities are seen through
+    before it is too late. After the latency each joint brakes by itself."""
+    supervisor, a = supervisor_of(), np.array(gain)
+    feed(supervisor, resting(-300, 1, start))
+    for ms in range(1, 50):
+        t = 1e-3 * ms
+        step = supervisor.step(sample(ms, tuple(start + 0.5 * a * t * t), tuple(told(a, t))))
+        if step.state.level >= Level.STOP:
+            break
+    settings, brakes = supervisor.settings, np.array(supervisor.settings.deceleration_limit)
+    going_s = 1e-3 * ms + settings.latency_s
+    times = np.linspace(0.0, going_s + (np.abs(a) * going_s / brakes).max(), 500)[:, None]
+    going, braking = np.minimum(times, going_s), np.clip(times - going_s, 0.0, np.abs(a) * going_s / brakes)
+    way = start + 0.5 * a * going**2 + a * going_s * braking - 0.5 * np.sign(a) * brakes * braking**2
+    assert (margins(supervisor.robot, settings, way) >= limits(settings, "stop")).all()
 
 
 @pytest.mark.parametrize("rate", [3.0, 6.0, 12.0])
