@@ -512,14 +512,15 @@ def test_stamps_that_come_close_together_make_no_joint_run(hz, rate, tells):
                 assert abs(good(answer).velocity[0]) <= 1.25 * SPEED
 
 
-def test_a_first_sample_without_velocities_hides_no_acceleration():
-    """It stays in the window for as long as the latency."""
+@pytest.mark.parametrize(("first", "share"), [((), 1.0), ((0.0, 0.0), 0.0), ((0.0, 0.0), 1.0)])
+def test_a_first_sample_hides_no_acceleration(first, share):
+    """It has no velocities, or tells no way; it stays in the window for as long as the latency."""
     filter_ = estimator(latency_s=0.3, velocity_limit=1.0)
-    good(filter_.update(accepted(0, (0.0, 1.0), ())))
+    good(filter_.update(accepted(0, (0.0, 1.0), first)))
     for k in range(1, 120):
         t = 1e-3 * k
-        answer = good(filter_.update(accepted(k, (4.0 * t * t, 1.0), (8.0 * t, 0.0))))
-        if k >= 10:
+        answer = good(filter_.update(accepted(k, (4.0 * t * t, 1.0), (share * 8.0 * t, 0.0))))
+        if k >= 60:
             assert answer.acceleration[0] == pytest.approx(8.0, rel=1e-6)
 
 

@@ -64,15 +64,12 @@ class Estimate(NamedTuple):
 
 
 class Past(NamedTuple):
-    """Rates that there were, of two kinds, which together tell no acceleration."""
+    """What tells an acceleration: reported rates, or the ways that positions went. Not both together."""
 
     stamp_ns: int
     told: Floats  # rad/s or m/s: as reported, where that is believed
-    derived: Floats  # rad/s or m/s: differences of positions; empty in a first sample
-
-    def rates(self, by_positions: bool) -> Floats:
-        """Those of one kind."""
-        return self.derived if by_positions else self.told
+    moved: Floats  # rad or m since the sample before; empty in a first one
+    dt: float  # s since then
 
 
 class Estimator:
@@ -150,7 +147,7 @@ class Estimator:
         ahead_s = expected + min(expected, JUDGING_S)  # until the next one has come and been judged
         if degraded:
             ahead_s += 0.5 * min(dt, self._longest_s)  # differences lag
-        return self._keep(sample, velocity, degraded, ahead_s, told, self._rates(moved, dt))
+        return self._keep(sample, velocity, degraded, ahead_s, Past(sample.stamp_ns, told, moved, dt))
 
     def _rates(self, moved: Floats, dt: float) -> Floats:
         """Differences of positions over time; where stamps are off they may be more than any joint can."""
@@ -176,8 +173,8 @@ class Estimator:
         self._agreement.forget()
         usable = len(sample.velocity) == count and all(map(isfinite, sample.velocity))
         if usable:
-            return self._keep(sample, sample.velocity, "", 0.0, sample.velocity, ())
-        return self._keep(sample, (nan,) * count, "the first sample has no velocities", 0.0, (), ())
+            return self._keep(sample, sample.velocity, "", 0.0, Past(sample.stamp_ns, sample.velocity, (), 0.0))
+        return self._keep(sample, (nan,) * count, "the first sample has no velocities", 0.0, None)
 
     def _jumped(self, sample: Accepted, last: Estimate, moved: Floats, dt: float) -> str:
         """Why the positions cannot have moved like this, or empty."""
@@ -196,7 +193,7 @@ class Estimator:
 
     def _pace(self) -> Floats:
         """The fastest that positions went lately."""
-        known = [then.derived for then in self._past if then.derived]
+        known = [self._rates(then.moved, then.dt) for then in self._past if then.moved]
         return tuple([max(map(abs, rates)) for rates in zip(*known, strict=True)])
 
     def _gone_on(self, sample: Accepted, most: float) -> Estimate | None:
@@ -314,15 +311,15 @@ class Estimator:
         return tuple(believed), tuple(told), degraded
 
     def _keep(
-        self, sample: Accepted, velocity: Floats, degraded: str, expected_s: float, told: Floats, derived: Floats
+        self, sample: Accepted, velocity: Floats, degraded: str, expected_s: float, last: Past | None
     ) -> Estimate:
         age = sample.received_ns - sample.stamp_ns
         if age < 0 or self._leads.any:  # a sender whose clock is ahead: its samples are older than they say
             age += round(self._leads.second(sample.seen_ns, max(-age, 0), LEAD_NS))
         ahead_s = expected_s + (age / S if age > 0 else 0.0)
         acceleration = self._steady
-        if told:
-            acceleration = self._acceleration(Past(sample.stamp_ns, told, derived), bool(degraded), ahead_s)
+        if last is not None:
+            acceleration = self._acceleration(last, bool(degraded), ahead_s)
         estimate = Estimate(
             sample.stamp_ns,
             sample.received_ns,
@@ -346,17 +343,18 @@ class Estimator:
         past, stamp_ns = self._past, last.stamp_ns
         while len(past) > 1 and stamp_ns - past[1].stamp_ns >= self._horizon_ns:
             past.popleft()
-        acceleration, velocity = self._steady, last.rates(by_positions)
-        first = past[0].rates(by_positions) if past else ()
-        if first and not first == past[-1].rates(by_positions) == velocity:
+        if by_positions and past and not past[0].moved:
+            past.popleft()  # a first sample
+        acceleration, velocity = self._steady, self._known(last, by_positions)
+        if past and not self._known(past[0], by_positions) == self._known(past[-1], by_positions) == velocity:
             spans = past[0], past[-max(len(past) // 2, 1)], past[-max(len(past) // 4, 1)]
             whole_s, half_s, quarter_s = [(stamp_ns - then.stamp_ns) / S for then in spans]
             found, slow = [], self._slow
-            joints = zip(velocity, self._brake, *[then.rates(by_positions) for then in spans], strict=True)
+            joints = zip(velocity, self._brake, *[self._known(then, by_positions) for then in spans], strict=True)
             for k, (now, most, a, b, c) in enumerate(joints):
                 mean, later = (now - a) / whole_s, (now - c) / quarter_s
                 if -slow <= a <= slow and not -slow <= now <= slow:
-                    growth = self._growth(stamp_ns, [then.rates(by_positions)[k] for then in past], now)
+                    growth = self._growth(stamp_ns, [self._known(then, by_positions)[k] for then in past], now)
                     later += growth * 0.5 * (quarter_s + self._horizon_ns / S + ahead_s)
                 for other in ((now - b) / half_s, later):
                     if other * now > 0.0 and abs(other) > mean * now / abs(now):
@@ -366,6 +364,10 @@ class Estimator:
             acceleration = tuple(found)
         past.append(last)
         return acceleration
+
+    def _known(self, then: Past, by_positions: bool) -> Floats:
+        """rad/s or m/s: rates of one kind."""
+        return self._rates(then.moved, then.dt) if by_positions else then.told
 
     def _growth(self, stamp_ns: int, past: list[float], now: float) -> float:
         """rad/s3 or m/s3: the least by which the acceleration of a joint grows from each of the last few samples to the
