@@ -17,7 +17,7 @@ from irsbot_msgs_py.records import JointSample, Level, Reset, SingularityState, 
 from irsbot_supervisor.core.gate import Allowed, Gate
 from irsbot_supervisor.core.intake import S
 from irsbot_supervisor.core.latch import Judgement
-from irsbot_supervisor.core.motion import JointLimits
+from irsbot_supervisor.core.motion import joint_limits_of
 from irsbot_supervisor.core.pipeline import Step, Supervisor
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.journal import configured, write_entry
@@ -125,7 +125,7 @@ class GuidedRobot:
 
     def __init__(self, robot: Robot, settings: Settings, start: Floats, latency_s: float = 0.0) -> None:
         """start: joint positions, at rest. latency_s: of the drives."""
-        limits = JointLimits(settings.velocity_limit, settings.deceleration_limit, settings.deceleration_limit)
+        limits = joint_limits_of(settings)
         self.settings = settings
         self.supervisor = Supervisor(settings, robot)
         self.drives = Drives(stand(start), limits, latency_s)

@@ -14,7 +14,7 @@ from irsbot_supervisor.campaign.truth import good_postures
 from irsbot_supervisor.core.assess import margins_of
 from irsbot_supervisor.core.certify import certify
 from irsbot_supervisor.core.gate import Gate
-from irsbot_supervisor.core.motion import Command, JointLimits, JointPath
+from irsbot_supervisor.core.motion import Command, JointPath, joint_limits_of
 from irsbot_supervisor.core.motion_gate import GatedMotion, MotionGate, Situation
 from irsbot_supervisor.core.outlook import limits_of
 from irsbot_supervisor.core.pipeline import Supervisor
@@ -41,7 +41,7 @@ def passed(supervisor: Supervisor, command: Command, **changes) -> GatedMotion:
 def to(supervisor: Supervisor, goal, share: float = 0.3) -> JointPath:
     """A swing to joint positions at a share of what the joints can do."""
     settings = supervisor.settings
-    limits = JointLimits(settings.velocity_limit, settings.deceleration_limit, settings.deceleration_limit)
+    limits = joint_limits_of(settings)
     view = supervisor.view
     assert view is not None
     return swing(view.at.joints, tuple(goal), limits, speed=share)
@@ -148,7 +148,7 @@ def test_a_motion_that_is_too_fast_for_the_joints_is_slowed_down_on_the_same_way
     found = passed(supervisor, command_of(path))
     assert found.path is not None
     assert found.path.positions == path.positions
-    limits = JointLimits(settings.velocity_limit, settings.deceleration_limit, settings.deceleration_limit)
+    limits = joint_limits_of(settings)
     assert found.path.excess(limits) <= 1.0 + 1e-9
 
 

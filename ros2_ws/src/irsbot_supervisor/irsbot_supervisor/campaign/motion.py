@@ -19,7 +19,7 @@ from irsbot_supervisor.campaign.truth import (
     limits,
     margins_along,
 )
-from irsbot_supervisor.core.motion import JointLimits, JointPath
+from irsbot_supervisor.core.motion import JointPath, joint_limits_of
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.sim.scenario_file import read_scenario, scenario_robots
 from irsbot_supervisor.sim.scenarios import plan
@@ -52,7 +52,7 @@ def works() -> tuple[str, ...]:
 
 def work(robot: Robot, settings: Settings) -> Motion:
     """Pick and place as the scenario says, for ever."""
-    motion = plan(read_scenario(WORK, robot), robot.mechanism, _limits(settings))
+    motion = plan(read_scenario(WORK, robot), robot.mechanism, joint_limits_of(settings))
     for k in count():
         point = motion.at(k * PERIOD_S)
         yield point.position, point.velocity
@@ -67,7 +67,7 @@ def swings(robot: Robot, settings: Settings, rng: np.random.Generator) -> Motion
     while True:
         reach = (high - low) * SHORTEST ** rng.uniform(0.0, 1.0)
         there = np.clip(here + rng.uniform(-1.0, 1.0, len(here)) * reach, low, high)
-        motion = swing(tuple(here.tolist()), tuple(there.tolist()), _limits(settings))
+        motion = swing(tuple(here.tolist()), tuple(there.tolist()), joint_limits_of(settings))
         if not _is_clean(motion, robot, settings, at):
             continue
         for t in np.arange(0.0, motion.duration_s + REST_S, PERIOD_S):
@@ -126,7 +126,3 @@ def measured(position: Floats, settings: Settings) -> Floats:
     """What the encoders make of it: whole steps."""
     step = settings.encoder_resolution
     return tuple([round(value / step) * step for value in position]) if step > 0.0 else position
-
-
-def _limits(settings: Settings) -> JointLimits:
-    return JointLimits(settings.velocity_limit, settings.deceleration_limit, settings.deceleration_limit)

@@ -16,8 +16,9 @@ from irsbot_kinematics import Robot
 from irsbot_msgs_py.records import JointSample
 from irsbot_supervisor.campaign.rows import Job, Row, Tally
 from irsbot_supervisor.campaign.truth import Array, good_postures, joint_ranges, limits, margins_along, supervised
+from irsbot_supervisor.closed_loop import SILENCE_S
 from irsbot_supervisor.core.intake import S
-from irsbot_supervisor.core.motion import JointLimits, JointPath, JointPoint
+from irsbot_supervisor.core.motion import JointPath, JointPoint, joint_limits_of
 from irsbot_supervisor.core.pipeline import Supervisor
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.settings_file import read_settings
@@ -30,7 +31,6 @@ MUST = "the robot stands before its stop margin is crossed, also while it speeds
 
 BEGIN_NS = 10**15
 PERIOD_S = 0.001
-SILENCE_S = 0.1
 SPEEDS = (0.2, 1.0)
 """1: share of the fastest swing, lowest and highest."""
 REST_S = 0.5
@@ -54,8 +54,8 @@ def run(job: Job) -> Row:
                 spare = float((margins_along(robot, settings, _way(motion, settings, watched)) - stop).min())
                 if not (watched.stopped or spare < 0.0):
                     continue  # it met no limit
-                seen_first = _way(motion, settings, _Sighted(settings))
-                if (margins_along(robot, settings, seen_first) < stop).any():
+                sighted = _way(motion, settings, _Sighted(settings))
+                if (margins_along(robot, settings, sighted) < stop).any():
                     tally.add("not counted: nobody could have stopped them")
                     continue
                 done += 1
@@ -107,12 +107,14 @@ class _Sighted:
 def _random_swing(robot: Robot, settings: Settings, start: Array, rng: np.random.Generator) -> JointPath:
     low, high = joint_ranges(robot)
     goal = np.clip(start + rng.uniform(-0.5, 0.5, len(start)) * (high - low), low, high)
-    return swing(tuple(start.tolist()), tuple(goal.tolist()), _drives_can(settings), speed=float(rng.uniform(*SPEEDS)))
+    return swing(
+        tuple(start.tolist()), tuple(goal.tolist()), joint_limits_of(settings), speed=float(rng.uniform(*SPEEDS))
+    )
 
 
 def _way(motion: JointPath, settings: Settings, lookout: _Lookout) -> Array:
     """(N, n) where the joints are, period by period, until they stand after the motion or because they were stopped."""
-    drives, allowed = Drives(motion, _drives_can(settings), settings.latency_s), 0.0
+    drives, allowed = Drives(motion, joint_limits_of(settings), settings.latency_s), 0.0
     way = [drives.now.position]
     for k in range(1, round((motion.duration_s + REST_S) / PERIOD_S)):
         way.append(drives.step(PERIOD_S, allowed).position)
@@ -120,7 +122,3 @@ def _way(motion: JointPath, settings: Settings, lookout: _Lookout) -> Array:
         if lookout.stopped and drives.stands:
             break
     return np.array(way)
-
-
-def _drives_can(settings: Settings) -> JointLimits:
-    return JointLimits(settings.velocity_limit, settings.deceleration_limit, settings.deceleration_limit)

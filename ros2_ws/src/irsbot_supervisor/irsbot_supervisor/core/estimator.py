@@ -178,7 +178,7 @@ class Estimator:
 
     def _jumped(self, sample: Accepted, last: Estimate, moved: Floats, dt: float) -> str:
         """Why the positions cannot have moved like this, or empty."""
-        if fault := self._jump(moved, dt, sample.velocity or self._pace()):
+        if self._jump(moved, dt) and (fault := self._jump(moved, dt, sample.velocity or self._pace())):
             if self._jump(moved, ASTRAY * max(dt, (sample.seen_ns - last.seen_ns) / S)):  # a wrong stamp is no jump
                 self._astray = sample
             return fault
@@ -296,8 +296,7 @@ class Estimator:
             late = play + min(abs(said), fastest) * JITTER_S
             if abs(said * dt - step) <= (doubt + brake * dt) * dt + late and not doubted:
                 least = min((abs(step) - late) / dt - 0.5 * brake * dt, fastest)
-                proven = (said if step >= 0.0 else -said) >= least
-                believed.append(said if proven else least if step >= 0.0 else -least)
+                believed.append(max(said, least) if step >= 0.0 else min(said, -least))
                 told.append(said)
                 continue
             # What stands still may be frozen: then the motion that is reported is the safe assumption, if it is one.
@@ -354,7 +353,7 @@ class Estimator:
             for k, (now, most, a, b, c) in enumerate(joints):
                 mean, later = (now - a) / whole_s, (now - c) / quarter_s
                 if -slow <= a <= slow and not -slow <= now <= slow:
-                    growth = self._growth(stamp_ns, [self._known(then, by_positions)[k] for then in past], now)
+                    growth = self._growth(k, now, stamp_ns, by_positions)
                     later += growth * 0.5 * (quarter_s + self._horizon_ns / S + ahead_s)
                 for other in ((now - b) / half_s, later):
                     if other * now > 0.0 and abs(other) > mean * now / abs(now):
@@ -369,18 +368,19 @@ class Estimator:
         """rad/s or m/s: rates of one kind."""
         return self._rates(then.moved, then.dt) if by_positions else then.told
 
-    def _growth(self, stamp_ns: int, past: list[float], now: float) -> float:
+    def _growth(self, joint: int, now: float, stamp_ns: int, by_positions: bool) -> float:
         """rad/s3 or m/s3: the least by which the acceleration of a joint grows from each of the last few samples to the
         next; 0 unless it does so from each. A rate that is reached with a constant acceleration is no such growth.
-        past: rates of the joint over the latency."""
+        now: its rate at `stamp_ns`."""
+        past = self._past
         apart = max(len(past) // FINEST, 1)
         if len(past) < 4 * apart:
             return 0.0
-        rates = [*[past[-k * apart] for k in (4, 3, 2, 1)], now]
+        rates = [*[self._known(past[-k * apart], by_positions)[joint] for k in (4, 3, 2, 1)], now]
         gains = [later - earlier for earlier, later in pairwise(rates)]
         growths = [later - earlier for earlier, later in pairwise(gains)]
         least = min(growths) if now > 0.0 else max(growths)
-        step_s = (stamp_ns - self._past[-4 * apart].stamp_ns) / S / 4.0
+        step_s = (stamp_ns - past[-4 * apart].stamp_ns) / S / 4.0
         return least / (step_s * step_s) if least * now > 0.0 else 0.0
 
     def _difference(self, now: Floats, before: Floats) -> Floats:

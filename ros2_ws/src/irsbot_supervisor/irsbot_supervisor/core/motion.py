@@ -8,12 +8,15 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from math import isfinite, sqrt
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 
 from irsbot_kinematics.arithmetic import Array
 from irsbot_kinematics.mechanism import Floats
+
+if TYPE_CHECKING:
+    from irsbot_supervisor.core.settings import Settings
 
 
 class BadTrajectory(ValueError):
@@ -35,6 +38,11 @@ class JointLimits:
             raise BadTrajectory(f"limits must have one entry per joint each, got {self}")
         if not all(isfinite(limit) and limit > 0.0 for limit in self.velocity + self.acceleration + self.deceleration):
             raise BadTrajectory(f"limits must be positive and finite, got {self}")
+
+
+def joint_limits_of(settings: Settings) -> JointLimits:
+    """Of drives that speed up as hard as they brake, as a supervisor takes them."""
+    return JointLimits(settings.velocity_limit, settings.deceleration_limit, settings.deceleration_limit)
 
 
 class JointPoint(NamedTuple):

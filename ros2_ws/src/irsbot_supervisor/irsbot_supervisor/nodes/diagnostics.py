@@ -8,7 +8,6 @@ from rclpy.node import Node
 
 from irsbot_msgs_py.records import Cause, Level, Verdict
 from irsbot_supervisor.core.pipeline import Supervisor
-from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.nodes.guard import Fail, guarded
 from irsbot_supervisor.nodes.partners import Finding, Partners
 from irsbot_supervisor.nodes.samples import Samples
@@ -37,27 +36,18 @@ _LEVELS = {
 class DiagnosticsPublisher:
     """Remembers the newest verdict and reports it, with the counts of rejected samples; silent without one."""
 
-    def __init__(self, node: Node, settings: Settings, partners: Partners, samples: Samples, fail: Fail) -> None:
-        self._node, self._partners, self._samples = node, partners, samples
+    def __init__(self, node: Node, supervisor: Supervisor, partners: Partners, samples: Samples, fail: Fail) -> None:
+        self.verdict: Verdict | None = None
+        self._node, self._supervisor, self._partners, self._samples = node, supervisor, partners, samples
         self._skipped = 0  # until the last report
-        self._hardware = settings.robot
-        self._verdict: Verdict | None = None
-        self._supervisor: Supervisor | None = None
+        self._hardware = supervisor.settings.robot
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
         node.create_timer(PERIOD_S, guarded(self._report, fail), clock=steady)
 
-    def watch(self, verdict: Verdict, supervisor: Supervisor) -> None:
-        """The newest verdict."""
-        self._verdict, self._supervisor = verdict, supervisor
-
-    def forget(self) -> None:
-        """There is no verdict any more."""
-        self._verdict = None
-
     def _report(self) -> None:
-        verdict, supervisor = self._verdict, self._supervisor
-        if verdict is None or supervisor is None:
+        verdict = self.verdict
+        if verdict is None:
             return
         message = DiagnosticArray()
         message.header.stamp = self._node.get_clock().now().to_msg()
@@ -72,7 +62,7 @@ class DiagnosticsPublisher:
             if check == "supervisor" and verdict.latched:
                 status.message = f"a stop is latched, event {verdict.event}: {verdict.text}"
             if check == "joint states":
-                rejected = supervisor.rejections.items()
+                rejected = self._supervisor.rejections.items()
                 status.values = [KeyValue(key=f"rejected {c.name}", value=str(n)) for c, n in rejected]
             message.status.append(status)
         for name, status_level, text in (*self._partners.look(), self._rate()):

@@ -55,10 +55,6 @@ class MarkersPublisher:
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
         node.create_timer(PERIOD_S, guarded(self._draw, fail), clock=steady)
 
-    def forget(self) -> None:
-        """There is nothing to draw any more."""
-        self.state = self.verdict = None
-
     def _draw(self) -> None:
         state, verdict = self.state, self.verdict
         if state is None or verdict is None or not self._publisher.get_subscription_count():

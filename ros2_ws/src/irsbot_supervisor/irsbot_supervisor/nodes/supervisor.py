@@ -80,7 +80,7 @@ class SupervisorNode(LifecycleNode):
         self._heart: Timer | None = None
         self._speech: list[Publisher] = []
         self._samples = Samples(self, INLET, self._step)
-        self._diagnostics = DiagnosticsPublisher(self, self._settings, Partners(self), self._samples, self._fail)
+        self._diagnostics = DiagnosticsPublisher(self, self._supervisor, Partners(self), self._samples, self._fail)
         self._markers = MarkersPublisher(self, self._robot, self._supervisor, self._frame, self._fail)
         self._gate = CommandGate(self, self._settings, self._robot, self._supervisor, self._fail)
         self.create_service(ResetStop, "~/reset", self._on_reset, qos_profile=REQUESTS)
@@ -144,8 +144,7 @@ class SupervisorNode(LifecycleNode):
         self._stop_heart()
         self._samples.close()
         self._gate.close()
-        self._diagnostics.forget()
-        self._markers.forget()
+        self._diagnostics.verdict = self._markers.verdict = self._markers.state = None
         for publisher in self._speech:
             self.destroy_publisher(publisher)
         self._speech = []
@@ -211,7 +210,7 @@ class SupervisorNode(LifecycleNode):
             if step.verdict is not None:
                 self._verdicts.publish(encode_verdict(step.verdict))
                 self._markers.verdict = step.verdict
-                self._diagnostics.watch(step.verdict, self._supervisor)
+                self._diagnostics.verdict = step.verdict
                 self._tell(step.verdict)
             return step
         except Exception as error:
