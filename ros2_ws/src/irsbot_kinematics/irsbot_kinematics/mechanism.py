@@ -168,15 +168,10 @@ class Mechanism(ABC):
         The bounds are proved, not sampled; they are 0 where nothing can be said. `at` must be SOLVED.
         """
 
-    def guarantee_along(
-        self, at: Posture, half: Sequence[float], beside: Sequence[float], slack_m: float = 0.0
-    ) -> Guarantee:
-        """The same along a course of the joints: at.joints + s half + e, with s in -1..1 and |e_k| <= beside[k].
-
-        As good as the guarantee of a box that holds the course, and better where a mechanism knows more.
-        half: rad or m, signed. beside: rad or m, not negative.
-        """
-        return self.guarantee(at, [abs(h) + b for h, b in zip(half, beside, strict=True)], slack_m)
+    def guarantee_sharp(self, at: Posture, travel: Sequence[float], slack_m: float = 0.0) -> Guarantee:
+        """The same, where a mechanism knows more than `guarantee` says at once: of half the box a quarter of what is
+        lost should be left. Neither of the two is always the better one."""
+        return self.guarantee(at, travel, slack_m)
 
     @abstractmethod
     def clearance(self, at: Posture) -> float:

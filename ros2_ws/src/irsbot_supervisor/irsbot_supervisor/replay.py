@@ -18,8 +18,9 @@ from irsbot_kinematics import KinematicsError
 from irsbot_kinematics.robot_record import robot_from_record
 from irsbot_msgs_py.records import Cause, Configure, JointSample, Level, Reset, SingularityState, Tick, Verdict
 from irsbot_supervisor.core.intake import S
+from irsbot_supervisor.core.limits import settings_from
 from irsbot_supervisor.core.pipeline import Event, Supervisor
-from irsbot_supervisor.core.settings import InvalidSettings, settings_from
+from irsbot_supervisor.core.settings import InvalidSettings
 from irsbot_supervisor.journal import JournalError, configured, read_entry
 from irsbot_supervisor.mcap_writer import BagError
 from irsbot_supervisor.settings_file import read_settings

@@ -10,7 +10,8 @@ from typing import Any
 import yaml
 
 from irsbot_kinematics import Robot, load_robot, make_robot
-from irsbot_supervisor.core.settings import InvalidSettings, Settings, settings_from
+from irsbot_supervisor.core.limits import settings_from
+from irsbot_supervisor.core.settings import InvalidSettings, Settings
 
 PARAMETERS = "ros__parameters"
 """Key below the name of a node in a file of ROS parameters."""

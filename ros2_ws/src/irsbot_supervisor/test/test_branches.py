@@ -12,7 +12,8 @@ from irsbot_kinematics import Status
 from irsbot_msgs_py.records import Cause, Level
 from irsbot_supervisor.core.assess import margins_of
 from irsbot_supervisor.core.certify import certify
-from irsbot_supervisor.core.outlook import Foresight, limits_of
+from irsbot_supervisor.core.estimation.estimate import Speeds
+from irsbot_supervisor.core.stopping import StoppingPredictor, limits_of
 
 START, WAY = np.array([-0.1477, 2.1584, -1.4992]), np.array([0.7028, -0.4716, 1.0])
 """rad: joints of the rrr3_base and a way on which label -1 goes over to another branch, far from Type 2; at its end the
@@ -39,7 +40,7 @@ def test_the_label_changes_on_the_way_and_no_singularity_is_near():
     assert abs(np.angle(np.exp(1j * (labelled.pose[2] - postures[-1].pose[2])))) > 0.1
 
 
-def test_a_supervisor_follows_the_branch_and_says_ok():
+def test_a_supervisor_follows_the_branch_and_allows_motion():
     supervisor = supervisor_of("rrr3_base", working_mode=followed_mode(), assembly_mode=LABEL)
     names = supervisor.settings.joint_names
     expected = followed(supervisor.robot)
@@ -47,7 +48,7 @@ def test_a_supervisor_follows_the_branch_and_says_ok():
     feed(supervisor, [sample(ms, tuple(START), names=names) for ms in range(-200, 0)])
     for ms, at in enumerate(expected):
         state = supervisor.step(sample(ms, at.joints, rates, names=names)).state
-        assert state.level == Level.OK, ms
+        assert state.level <= Level.WARN, ms
         np.testing.assert_allclose(state.pose, at.pose, atol=1e-9)
         assert state.assembly_mode == LABEL
 
@@ -66,17 +67,21 @@ def test_a_planned_motion_is_certified_on_its_own_branch():
     assert settings.type2_stop <= found.minima[1][0] <= met
 
 
-def test_the_way_to_standstill_is_foreseen_on_its_own_branch():
-    """Braking takes 0.06 rad, from before the label changes, 0.33 rad from the start, to behind it."""
+def test_what_can_be_reached_is_bounded_on_its_own_branch():
+    """The box of a resting robot holds the way from before the label changes, 0.33 rad from the start, to behind it;
+    there the pose of the first label is nearly singular."""
     settings, robot = settings_of("rrr3_base", working_mode=followed_mode(), assembly_mode=LABEL, type2_warn=1.0)
-    way = followed(robot)[300:361]
-    slow = replace(settings, deceleration_limit=tuple(60.0 * np.abs(WAY)), latency_s=0.0)
-    rates = tuple((np.sqrt(2.0 * 60.0 * 0.06) * WAY).tolist())
-    seer = Foresight(slow, robot.mechanism)
-    assert np.add(way[0].joints, seer.way(way[0], rates, 0.0).travel) == pytest.approx(way[-1].joints, abs=1e-9)
-    assert robot.mechanism.posture(way[-1].joints, LABEL).type2 < 0.1
+    way = followed(robot)[320:341]
+    free_s = 0.01  # joint j gets 0.5 a (1 + a/d) T^2 in each direction
+    gains = tuple((np.abs(np.subtract(way[-1].joints, way[0].joints)) / 2.0 / free_s**2).tolist())
+    middle = robot.mechanism.track(tuple(np.mean([way[0].joints, way[-1].joints], axis=0).tolist()), way[0])
+    slow = replace(settings, acceleration_limit=gains, deceleration_limit=gains, latency_s=free_s, stamp_jitter_s=0.0)
+    rest = (0.0,) * len(gains)
+    labelled = [robot.mechanism.posture(at.joints, LABEL) for at in way]
+    apart = [abs(np.angle(np.exp(1j * (a.pose[2] - b.pose[2])))) for a, b in zip(labelled, way, strict=True)]
+    assert apart[0] < 1e-6 < 0.1 < apart[-1]
     met = min(at.type2 for at in way)
-    assert 0.5 * met <= seer.foresee(way[0], rates, 0.0)[1] <= met
+    assert 0.5 * met <= StoppingPredictor(slow, robot.mechanism).predict(middle, Speeds(rest, rest), 0.0)[1] <= met
 
 
 def test_an_operator_who_sees_the_platform_on_another_branch_is_refused():

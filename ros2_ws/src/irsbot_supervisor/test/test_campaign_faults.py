@@ -82,12 +82,12 @@ def test_the_rows_have_names_of_their_own_and_the_amounts_that_are_asked_for() -
 
 
 def blind(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The outlook sees the present margins alone."""
+    """The prediction is the present margins."""
 
     def now(self: Any, at: Any, *_rest: Any, **_more: Any) -> Any:
         return assess.margins_of(at)
 
-    monkeypatch.setattr(pipeline.Foresight, "foresee", now)
+    monkeypatch.setattr(pipeline.StoppingPredictor, "predict", now)
 
 
 def trusting(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,7 +14,7 @@ from irsbot_kinematics import Status
 from irsbot_msgs_py.records import Cause, Level
 from irsbot_supervisor.closed_loop import Cycle, cycles
 from irsbot_supervisor.core.assess import margins_of
-from irsbot_supervisor.core.outlook import limits_of
+from irsbot_supervisor.core.stopping import limits_of
 from irsbot_supervisor.settings_file import read_settings
 from irsbot_supervisor.sim.scenario_file import read_scenario, scenario_names, scenario_robots
 from irsbot_supervisor.sim.simulation import simulation_from

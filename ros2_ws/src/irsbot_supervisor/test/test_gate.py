@@ -13,8 +13,8 @@ import irsbot_kinematics as irs
 from irsbot_msgs_py.records import Cause, Level
 from irsbot_supervisor.closed_loop import GuidedRobot
 from irsbot_supervisor.core.gate import Gate
-from irsbot_supervisor.core.outlook import limits_of
 from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.core.stopping import limits_of
 
 ROBOTS = ("irsbot2", "irsbot2_beta45", "irsbot2_csc", "five_bar", "rrr3", "orthoglide", "triaglide")
 LOST = 0.003

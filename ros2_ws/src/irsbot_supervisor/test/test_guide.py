@@ -19,9 +19,9 @@ from irsbot_supervisor.cli.common import Failed
 from irsbot_supervisor.closed_loop import BEGIN_NS, cycles
 from irsbot_supervisor.core.guide import Guide, Plant, propose
 from irsbot_supervisor.core.intake import S
-from irsbot_supervisor.core.outlook import limits_of
 from irsbot_supervisor.core.pipeline import Supervisor
 from irsbot_supervisor.core.settings import InvalidSettings
+from irsbot_supervisor.core.stopping import limits_of
 from irsbot_supervisor.settings_file import read_settings, read_values
 from irsbot_supervisor.sim.simulation import simulation_from
 

@@ -12,8 +12,9 @@ from supervised import settings_of
 import irsbot_kinematics as irs
 from irsbot_kinematics import Status
 from irsbot_supervisor.core import limits, room
-from irsbot_supervisor.core.outlook import limits_of
-from irsbot_supervisor.core.settings import InvalidSettings, settings_from
+from irsbot_supervisor.core.limits import settings_from
+from irsbot_supervisor.core.settings import InvalidSettings
+from irsbot_supervisor.core.stopping import limits_of
 from irsbot_supervisor.settings_file import shipped_values
 
 SHIPPED = [name for name in irs.robots() if shipped_values(irs.make_robot(name))]

@@ -16,9 +16,9 @@ from irsbot_supervisor.core.certify import certify
 from irsbot_supervisor.core.gate import Gate
 from irsbot_supervisor.core.motion import Command, JointPath, joint_limits_of
 from irsbot_supervisor.core.motion_gate import GatedMotion, MotionGate, Situation
-from irsbot_supervisor.core.outlook import limits_of
 from irsbot_supervisor.core.pipeline import Supervisor
 from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.core.stopping import limits_of
 from irsbot_supervisor.sim.trajectory import swing
 
 SAFE = (0.1, -0.8)

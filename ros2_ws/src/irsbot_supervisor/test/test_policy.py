@@ -10,7 +10,7 @@ from supervised import settings_of
 from irsbot_kinematics import Status
 from irsbot_msgs_py.records import Cause, Finding, Level
 from irsbot_supervisor.core.assess import Assessment, margins_of
-from irsbot_supervisor.core.estimator import Estimate
+from irsbot_supervisor.core.estimation.estimate import Estimate, Speeds
 from irsbot_supervisor.core.policy import KINDS, OBSERVABLE, Policy
 
 LIMITS = {
@@ -41,7 +41,8 @@ def judge(
     **changes,
 ) -> list[Finding]:
     settings = settings_of(**{**LIMITS, **changes})[0] if changes else SETTINGS
-    estimate = Estimate(1, 1, 1, AT.joints, velocity, (), degraded, 0.0, steady_s, (0.0, 0.0))
+    still = Speeds((0.0, 0.0), (0.0, 0.0))
+    estimate = Estimate(1, 1, 1, AT.joints, velocity, (), still, degraded, steady_s=steady_s)
     return Policy(settings, ROBOT.mechanism.joints).judge(estimate, Assessment(at, now, branch), floor, reaction, held)
 
 

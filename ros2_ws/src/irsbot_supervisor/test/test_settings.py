@@ -9,7 +9,8 @@ import pytest
 from supervised import settings_of
 
 import irsbot_kinematics as irs
-from irsbot_supervisor.core.settings import InvalidSettings, Settings, settings_from
+from irsbot_supervisor.core.limits import settings_from
+from irsbot_supervisor.core.settings import InvalidSettings, Settings
 from irsbot_supervisor.settings_file import read_settings, read_values, robot_of, shipped_values
 
 NUMBERS = [entry for entry in fields(Settings) if "low" in entry.metadata]

@@ -56,7 +56,7 @@ LAWS: tuple[_Entry, ...] = (
     _Entry("refusals", margins.refusals, 0.0, "1"),
     _Entry("many are single", margins.many_are_single, ROUNDING, "m, rad, 1"),
     _Entry("guarantee is kept", margins.promises_kept, ROUNDING, "1"),
-    _Entry("course guarantee is kept", margins.courses_kept, ROUNDING, "1"),
+    _Entry("sharp guarantee is kept", margins.sharp_promises_kept, ROUNDING, "1"),
     _Entry("guarantee says something", margins.promises_something, 1e-3, "1"),
     _Entry("clearance is kept", margins.clearance_kept, 1e-6, "m, rad"),
     _Entry("branch goes on", margins.labels_stay, ROUNDING, "m, rad"),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from math import inf, isfinite, nan
 
 import numpy as np
@@ -15,8 +15,6 @@ from irsbot_kinematics.tolerances import COINCIDENT_TOL_M
 
 IN_BOX = 16
 """Random joint positions in each box, half of their coordinates at its faces."""
-BESIDE = (0.0, 0.1, 1.0)
-"""1: shares of the length of a course by which the joints are beside it."""
 SMALL = 1e-9
 """1: share of the joint range of a box over which a guarantee must be almost the margins."""
 
@@ -74,7 +72,7 @@ def sines_are_levers(machine: Machine) -> Iterator[Case]:
 
 
 def unknown_is_unknown(machine: Machine) -> Iterator[Case]:
-    """NaN and infinite joints give INVALID and NaN; nothing is promised for a travel or a course that is no number."""
+    """NaN and infinite joints give INVALID and NaN; nothing is promised for a travel that is no number."""
     mechanism = machine.mechanism
     good = machine.regular[0]
     for bad in (nan, inf, -inf):
@@ -86,10 +84,10 @@ def unknown_is_unknown(machine: Machine) -> Iterator[Case]:
                 yield Case(
                     0.0 if right else 1.0, f"joints {numbers(q)} give {Status(at.status).name}, pose {numbers(at.pose)}"
                 )
-            far, still = [bad if k == joint else 0.0 for k in range(len(good.joints))], [0.0] * len(good.joints)
-            bounds = [mechanism.guarantee_along(good, far, still)]
-            if not bad < 0.0:
-                bounds += [mechanism.guarantee(good, far), mechanism.guarantee_along(good, still, far)]
+            if bad < 0.0:
+                continue
+            far = [bad if k == joint else 0.0 for k in range(len(good.joints))]
+            bounds = [mechanism.guarantee(good, far), mechanism.guarantee_sharp(good, far)]
             for floors in map(_floors, bounds):
                 promised = max([value if value == value else 1.0 for value in floors])
                 yield Case(promised, f"{place(good)}, travel {numbers(far)}: promises {numbers(floors)}")
@@ -154,28 +152,23 @@ def _away(a: tuple[float, ...], b: tuple[float, ...]) -> float:
 
 def promises_kept(machine: Machine) -> Iterator[Case]:
     """No margin met in a box of joints is below what `guarantee` promises, and the branch goes on in the box."""
+    yield from _boxes(machine, machine.mechanism.guarantee)
+
+
+def sharp_promises_kept(machine: Machine) -> Iterator[Case]:
+    """No margin met in a box of joints is below what `guarantee_sharp` promises, and the branch goes on in the box."""
+    yield from _boxes(machine, machine.mechanism.guarantee_sharp)
+
+
+def _boxes(machine: Machine, promise: Callable[[Posture, Sequence[float]], Guarantee]) -> Iterator[Case]:
     rng = machine.random()
     lower, upper = machine.ranges
     for at in machine.spread:
         for size in (10.0 ** rng.uniform(-5.0, -1.0), 10.0 ** rng.uniform(-3.0, -2.0)):
             travel = (upper - lower) * size * rng.uniform(0.0, 1.0, len(lower))
-            bound = machine.mechanism.guarantee(at, travel.tolist())
+            bound = promise(at, travel.tolist())
             said = f"{place(at)}, travel {numbers(tuple(travel))}"
             yield from _kept(machine.mechanism, at, bound, said, _in_box(rng, np.array(at.joints), travel))
-
-
-def courses_kept(machine: Machine) -> Iterator[Case]:
-    """No margin met along a course of joints is below what `guarantee_along` promises, and the branch goes on."""
-    rng = machine.random()
-    lower, upper = machine.ranges
-    for at in machine.spread:
-        for size in (10.0 ** rng.uniform(-5.0, -1.0), 10.0 ** rng.uniform(-3.0, -2.0)):
-            half = (upper - lower) * size * rng.uniform(-1.0, 1.0, len(lower))
-            beside = rng.choice(BESIDE) * np.abs(half).max() * rng.uniform(0.0, 1.0, len(lower))
-            bound = machine.mechanism.guarantee_along(at, half.tolist(), beside.tolist())
-            said = f"{place(at)}, course {numbers(tuple(half))}, beside {numbers(tuple(beside))}"
-            middles = np.array(at.joints) + np.linspace(-1.0, 1.0, IN_BOX)[:, None] * half
-            yield from _kept(machine.mechanism, at, bound, said, _in_box(rng, middles, beside))
 
 
 def _kept(mechanism: Mechanism, at: Posture, bound: Guarantee, said: str, joints: Array) -> Iterator[Case]:

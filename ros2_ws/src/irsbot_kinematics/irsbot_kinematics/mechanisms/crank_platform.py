@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from irsbot_kinematics import statics
 from irsbot_kinematics.arithmetic import ARRAYS, FLOATS, Arithmetic, Array, N
 from irsbot_kinematics.assemblies import SAMPLED_TURNS, trigonometric_roots
-from irsbot_kinematics.courses import Rod
+from irsbot_kinematics.boxes import Reached, Rod
 from irsbot_kinematics.guarantees import lowered
 from irsbot_kinematics.mechanism import Coordinate, Floats, Legs, Posture, Signs, Status, sign_of
 from irsbot_kinematics.mechanisms.turning_platform import Travel, TurningPlatform
@@ -285,14 +285,28 @@ class CrankPlatform(TurningPlatform):
         drives = [(abs(lever) + half * t) * t + slack_m for lever, t in zip(at.levers, travel, strict=True)]
         return Travel(drives, self.crank * max(travel) + slack_m, self.rod)
 
-    def rods_of(self, at: Posture, half: Sequence[float], beside: Sequence[float], slack_m: float) -> list[Rod]:
+    def rods_of(self, at: Posture, travel: Sequence[float], slack_m: float) -> list[Rod]:
         """The near ends run on the circles of the cranks."""
-        l1, level, rods = self.crank, (0.0,) * (len(at.pose) - 3), []
-        for q, h, b in zip(at.joints, half, beside, strict=True):
-            most = abs(h) + b
-            near = -l1 * h * sin(q), l1 * h * cos(q), *level
-            rods.append(Rod(self.rod, near, l1 * (0.5 * most * most + b) + slack_m))
-        return rods
+        l1, level = self.crank, (0.0,) * (len(at.pose) - 3)
+        return [
+            Rod(self.rod, (-l1 * h * sin(q), l1 * h * cos(q), *level), 0.5 * l1 * h * h + slack_m)
+            for q, h in zip(at.joints, travel, strict=True)
+        ]
+
+    def sines_over(self, at: Posture, travel: Sequence[float], met: Reached) -> Floats:
+        """The sine is the cross product of the directions of crank and rod: linear in each. A crank that turns by h is
+        off its tangent by at most h^2/2."""
+        floors = []
+        for i, (q, h, sine, screw, rod) in enumerate(
+            zip(at.joints, travel, at.sines, at.screws, met.rods, strict=True)
+        ):
+            ux, uy = cos(q), sin(q)
+            slopes = [uy * x - ux * y for x, y, *_ in rod.ways]
+            slopes[i] += h * (ux * screw[0] + uy * screw[1])
+            rest = rod.rest + 0.5 * h * h + (h + 0.5 * h * h) * (rod.most + rod.rest)
+            left = abs(sine) - sum(map(abs, slopes)) - rest
+            floors.append(left if left > 0.0 else 0.0)
+        return tuple(floors)
 
     def sine_floors(self, at: Posture, travel: Sequence[float], turn_rad: float) -> Floats:
         """The sine is |elevation| of the rod over the upright plane through its crank: both turn by bounded angles."""

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from math import asin, hypot, inf, isfinite, nan, sin, sqrt
-from operator import add, sub
+from math import asin, inf, isfinite, nan, sin, sqrt
+from operator import sub
 from typing import NamedTuple
 
 from irsbot_kinematics.arithmetic import FLOATS, Arithmetic, N
-from irsbot_kinematics.courses import Rod, swept
+from irsbot_kinematics.boxes import Rod, distances, reached
 from irsbot_kinematics.geometry import require, require_finite, require_size
 from irsbot_kinematics.guarantees import displacement, level_after
 from irsbot_kinematics.mechanism import (
@@ -271,22 +271,19 @@ class DeltaFamily(Mechanism):
         type1 = (self._sine(at.reach[0] - away), self._sine(at.reach[1] - away), self._sine(at.reach[2] - away))
         return Guarantee(type1, type2, nan, type1[: self.limb_count])
 
-    def guarantee_along(
-        self, at: Posture, half: Sequence[float], beside: Sequence[float], slack_m: float = 0.0
-    ) -> Guarantee:
-        """courses.swept; the Type 1 sines from the distances of the platform point from the rails."""
+    def guarantee_sharp(self, at: Posture, travel: Sequence[float], slack_m: float = 0.0) -> Guarantee:
+        """boxes.reached; the Type 1 sines from the distances of the platform point from the rails."""
         rods = [
-            Rod(self.rod, (h * ux, h * uy, h * uz), b + slack_m)
-            for h, b, (_, (ux, uy, uz)) in zip(half, beside, self.rails, strict=True)
+            Rod(self.rod, (h * ux, h * uy, h * uz), slack_m)
+            for h, (_, (ux, uy, uz)) in zip(travel, self.rails, strict=True)
         ]
-        met = swept(at, rods)
+        met = reached(at, rods) if min(travel) >= 0.0 else None
         if met is None:
             return self._nothing
         far, type1 = met.aside + slack_m, []
-        for (o, u), sine in zip(self.rails, at.type1, strict=True):
-            here, away = _across(map(sub, at.pose, o), u), _across(met.move, u)
-            ends = hypot(*map(add, here, away)), hypot(*map(sub, here, away))  # a distance is largest at an end
-            type1.append(min(self._sine(self.rod - max(ends) - far), sine))
+        for o, u in self.rails:
+            moves = [_across(move, u) for move in met.moves]
+            type1.append(self._sine(self.rod - distances(_across(map(sub, at.pose, o), u), moves, far)[1]))
         return Guarantee(tuple(type1), met.type2, nan, tuple(type1[: self.limb_count]))
 
     def _sine(self, reach: float) -> float:

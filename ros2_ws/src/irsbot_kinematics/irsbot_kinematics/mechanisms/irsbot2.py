@@ -9,10 +9,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import cos, hypot, inf, pi, sin, sqrt
+from math import atan2, cos, hypot, inf, pi, sin, sqrt
 from typing import ClassVar
 
 from irsbot_kinematics.arithmetic import Arithmetic, N
+from irsbot_kinematics.boxes import least_singular
 from irsbot_kinematics.geometry import require, require_finite
 from irsbot_kinematics.mechanism import Floats, Posture, Signs
 from irsbot_kinematics.mechanisms.planar_pair import Loop, PlanarPair
@@ -20,6 +21,7 @@ from irsbot_kinematics.tolerances import COINCIDENT_TOL_M
 
 _SMALLEST = 1e-300
 """m: keeps the normal of a rod defined where its leg vanishes. That takes l2eq = D; nothing is guaranteed then."""
+ROOT2 = sqrt(2.0)
 
 
 @dataclass(frozen=True)
@@ -134,6 +136,46 @@ class Irsbot2(PlanarPair):
         left = left_y if left_y < left_xz else left_xz
         return left if left > 0.0 else 0.0
 
+    def constraint_over(
+        self, at: Posture, turns: tuple[tuple[float, float], tuple[float, float]], rests: tuple[float, float]
+    ) -> float:
+        """sigma_y from the ranges of both rods' directions, exact. sigma_xz is the second singular value of the columns
+        sqrt 2 n_I, sqrt 2 n_II, (y x P_IP_II)/Lc, projected on x and z; of them the first derivatives are exact, the
+        second ones bounded (boxes.least_singular)."""
+        s, c, l2, D, reach, offset = self._numbers
+        (c1, m1), (c2, m2) = at.screws
+        normals, square, room = [], 0.0, 0.0
+        for cosine, down, side, (a, b), rest in ((c1, m1, D, turns[0], rests[0]), (c2, m2, -D, turns[1], rests[1])):
+            turn = abs(a) + abs(b)
+            low, high = _cosines(cosine, down, turn + rest)
+            normal = _normal_over(l2, side, c, low, high)
+            if normal is None:
+                return 0.0
+            least, rate, bend = normal
+            square += least * least
+            x, z = c * (l2 * cosine + side), l2 * down
+            size = hypot(x, z)
+            x, z = x / size, z / size
+            slope = c * (l2 + side * cosine) * l2 / (size * size)  # turn of the normal per turn of the rod
+            normals.append((c * x, z, -c * z * slope, x * slope, a, b))
+            error = 0.5 * bend * turn * turn + rate * rest
+            room += 2.0 * error * error
+        error = reach * sum([0.5 * (abs(a) + abs(b)) ** 2 + rest for (a, b), rest in zip(turns, rests, strict=True)])
+        (ux, uz, dux, duz, u1, u2), (vx, vz, dvx, dvz, v1, v2) = normals
+        # P_IP_II.z / Lc and -P_IP_II.x / Lc; a rod (cos, -sin) that turns by t gains t (sin, cos).
+        base = ((ROOT2 * ux, ROOT2 * uz), (ROOT2 * vx, ROOT2 * vz), (reach * (m2 - m1), reach * (c1 - c2) - offset))
+        ways = [
+            (
+                (ROOT2 * dux * a, ROOT2 * duz * a),
+                (ROOT2 * dvx * b, ROOT2 * dvz * b),
+                (reach * (c2 * b - c1 * a), reach * (m2 * b - m1 * a)),
+            )
+            for a, b in ((u1, v1), (u2, v2))
+        ]
+        sigma_y = s * sqrt(2.0 * square)
+        sigma_xz = least_singular(base, ways, sqrt(room + error * error))
+        return sigma_y if sigma_y < sigma_xz else sigma_xz
+
     def clearance(self, at: Posture) -> float:
         """As for the planar pair, and exact for the constraint singularities: points of the workspace of one mode."""
         nearest = super().clearance(at)
@@ -166,6 +208,44 @@ class Irsbot2(PlanarPair):
                 for mode in places:
                     places[mode].append((g.l2eq * cos(psi) - g.b0, -g.e - g.l2eq * sin(psi), g.l1))
         return places
+
+
+def _cosines(cosine: float, down: float, turn: float) -> tuple[float, float]:
+    """Smallest and largest cosine of a direction (cos, -sin) that turns by at most `turn`."""
+    if not turn < pi:
+        return -1.0, 1.0
+    angle = atan2(abs(down), cosine)  # 0..pi
+    low = -1.0 if angle + turn >= pi else cos(angle + turn)
+    high = 1.0 if angle - turn <= 0.0 else cos(angle - turn)
+    return low, high
+
+
+def _normal_over(l2: float, D: float, c: float, low: float, high: float) -> tuple[float, float, float] | None:
+    """Over rods with X = cos psi in low..high: the smallest |x| of the unit normal (c (l2 X + D), -l2 sin psi)/|.|, the
+    largest turn of the normal per turn of the rod, and the largest size of its second derivative; None where the normal
+    may vanish.
+
+    |normal|^2 = p X^2 + r X + t is concave, its x^2 over z^2 is stationary at X = -D/l2, where x is 0, and at
+    X = -l2/D; the turn is c l2 (l2 + D X)/|normal|^2.
+    """
+    p, r, t = l2 * l2 * (c * c - 1.0), 2.0 * c * c * l2 * D, c * c * D * D + l2 * l2
+    below = [(p * X + r) * X + t for X in (low, high)]
+    small = min(below)
+    if not small > 0.0:
+        return None
+    least = 0.0
+    if not low <= -D / l2 <= high:
+        places = [low, high]
+        if D != 0.0 and low < -l2 / D < high:
+            places.append(-l2 / D)
+        least = min([c * abs(l2 * X + D) / sqrt((p * X + r) * X + t) for X in places])
+    rate = c * l2 * max(abs(l2 + D * low), abs(l2 + D * high)) / small
+    # d rate/dX is c l2 N/|normal|^4 with N = -D p X^2 - 2 p l2 X + D t - l2 r, stationary at X = -l2/D.
+    ends = [low, high, *([-l2 / D] if D != 0.0 and low < -l2 / D < high else [])]
+    most = max([abs((-D * p * X - 2.0 * p * l2) * X + D * t - l2 * r) for X in ends])
+    sine = 1.0 if low <= 0.0 <= high else sqrt(max(1.0 - min(low * low, high * high), 0.0))
+    slope = c * l2 * most * sine / (small * small)
+    return least, rate, hypot(rate * rate, slope)
 
 
 def _largest_normal_turn(l2: float, D: float, c: float) -> float:

@@ -13,7 +13,6 @@ from math import acos, atan2, cos, hypot, inf, isfinite, nan, pi, sin, sqrt, tau
 from typing import NamedTuple
 
 from irsbot_kinematics.arithmetic import FLOATS, Arithmetic, N
-from irsbot_kinematics.guarantees import displacement
 from irsbot_kinematics.mechanism import (
     Coordinate,
     Floats,
@@ -40,10 +39,6 @@ class Loop(NamedTuple):
     drop: float
     crank: float
     rod: float
-
-
-ASIN_BEND = 0.5 * pi - 1.0
-"""1: asin(x) - x <= ASIN_BEND x^3 for 0 <= x <= 1, because (asin(x) - x)/x^3 grows up to there."""
 
 
 class PlanarPair(Mechanism):
@@ -217,59 +212,62 @@ class PlanarPair(Mechanism):
             (),
         )
 
-    def guarantee_along(
-        self, at: Posture, half: Sequence[float], beside: Sequence[float], slack_m: float = 0.0
-    ) -> Guarantee:
-        """As `courses` bounds a course, in closed form. To first order elbows and platform move along straight lines,
-        on which distances are known exactly; `rest` bounds what else each of them does. The constraint is looked at
-        for the rods' turns of first order: between two looks it lies above their mean less what half a turn and the
-        rest take."""
+    def guarantee_sharp(self, at: Posture, travel: Sequence[float], slack_m: float = 0.0) -> Guarantee:
+        """To second order, in closed form. Along v = C_2 - C_1 and across it, to first order the elbows move by x_j and
+        y_j with joint j, by `rest` on top. Both rods turn with v, by y/d, and against each other, as cos gamma = d/(2 l2)
+        asks; `error` bounds what is left of both turns. The platform point goes with elbow and rod of one leg, and the
+        Type 1 sines follow from its distances from the feet."""
         b0, e, l1, l2 = self.loop
         (r1x, r1z), (r2x, r2z) = at.screws
         q1, q2 = at.joints
-        h1, h2 = half
-        size, parts = abs(at.det), at.parts
+        h1, h2 = travel
+        det, parts, d, full = at.det, at.parts, at.gaps[1], 2.0 * l2
         nothing = Guarantee((0.0, 0.0), 0.0, self.constraint_guarantee(parts, inf), ())
-        if not size > 0.0:
+        if not (det != 0.0 and h1 >= 0.0 and h2 >= 0.0):
             return nothing
-        most1, most2 = abs(h1) + beside[0], abs(h2) + beside[1]
         n1x, n1z, n2x, n2z = -l1 * h1 * sin(q1), -l1 * h1 * cos(q1), -l1 * h2 * sin(q2), -l1 * h2 * cos(q2)
-        rest1 = l1 * (0.5 * most1 * most1 + beside[0]) + slack_m
-        rest2 = l1 * (0.5 * most2 * most2 + beside[1]) + slack_m
-        drive1, drive2 = r1x * n1x + r1z * n1z, r2x * n2x + r2z * n2z
-        dx, dz = (r2z * drive1 - r1z * drive2) / at.det, (r1x * drive2 - r2x * drive1) / at.det
-        turn1, turn2 = (r1x * (dz - n1z) - r1z * (dx - n1x)) / l2, (r2x * (dz - n2z) - r2z * (dx - n2x)) / l2
-        way1, way2 = l2 * abs(turn1) + rest1, l2 * abs(turn2) + rest2
-        rest = displacement(
-            (rest1 + rest2 + 0.5 * (way1 * way1 + way2 * way2) / l2) / size,
-            (way1 + way2) / (l2 * size),
-            1.0 / (l2 * size),
-        )
-        chord1, chord2, full = (way1 + rest) / l2, (way2 + rest) / l2, 2.0 * l2
-        low, high = _span(l2 * (r1x - r2x), l2 * (r1z - r2z), n2x - n1x, n2z - n1z, rest1 + rest2)
-        if not (chord1 < 1.0 and chord2 < 1.0 and low > 0.0 and high < full):
+        rest1, rest2 = 0.5 * l1 * h1 * h1 + slack_m, 0.5 * l1 * h2 * h2 + slack_m
+        rest = rest1 + rest2
+        vx, vz = (r1x - r2x) / d * l2, (r1z - r2z) / d * l2
+        along = abs(vx * n1x + vz * n1z) + abs(vx * n2x + vz * n2z) + rest
+        aside = abs(vx * n1z - vz * n1x) + abs(vx * n2z - vz * n2x) + rest
+        low = d - along
+        if not low > 0.0:
             return nothing
-        type2 = min(low * sqrt((full - low) * (full + low)), high * sqrt((full - high) * (full + high))) / (full * l2)
+        tilt = aside / low
+        high = hypot(d + along, aside)
+        if not high < full:
+            return nothing
+        farther = rest + 0.5 * aside * tilt  # of d, beyond first order
+        most = along + 0.5 * aside * tilt  # change of d
+        opening, widest = (full - d) * (full + d), (full - high) * (full + high)
+        error = rest / d + tilt * along / d + tilt * tilt * tilt / 3.0
+        error += farther / sqrt(opening) + 0.5 * most * most * high / (widest * sqrt(widest))
+        type2 = min(low * sqrt((full - low) * (full + low)), high * sqrt(widest)) / (full * l2)
+        drive1, drive2 = (r1x * n1x + r1z * n1z) / det, (r2x * n2x + r2z * n2z) / det
+        d1x, d1z, d2x, d2z = drive1 * r2z, -drive1 * r2x, -drive2 * r1z, drive2 * r1x  # platform point, by joint
+        # Turns of both rods by both joints, rad to first order; positive from x to z.
+        t11, t12 = (r1x * (d1z - n1z) - r1z * (d1x - n1x)) / l2, (r1x * d2z - r1z * d2x) / l2
+        t21, t22 = (r2x * d1z - r2z * d1x) / l2, (r2x * (d2z - n2z) - r2z * (d2x - n2x)) / l2
+        turn1, turn2 = abs(t11) + abs(t12) + error, abs(t21) + abs(t22) + error
+        off1, off2 = rest1 + l2 * (error + 0.5 * turn1 * turn1), rest2 + l2 * (error + 0.5 * turn2 * turn2)
+        off = (off1 if off1 < off2 else off2) + slack_m
         x, z = at.pose
         type1 = (
-            self._sine_between(*_span(x + b0, z + e, dx, dz, rest + slack_m)),
-            self._sine_between(*_span(x - b0, z + e, dx, dz, rest + slack_m)),
+            self._sine_between(*_distances(x + b0, z + e, d1x, d1z, d2x, d2z, off)),
+            self._sine_between(*_distances(x - b0, z + e, d1x, d1z, d2x, d2z, off)),
         )
-        off = (2.0 * rest + rest1 + rest2) / l2 + ASIN_BEND * (chord1 * chord1 * chord1 + chord2 * chord2 * chord2)
-        constraint = self._constraint_along(at, turn1, turn2, off) if len(parts) > 2 else nan
-        return Guarantee(type1, type2, constraint, ())
+        if len(parts) == 2:
+            return Guarantee(type1, type2, nan, ())
+        return Guarantee(type1, type2, self.constraint_over(at, ((t11, t12), (t21, t22)), (error, error)), ())
 
-    def _constraint_along(self, at: Posture, turn1: float, turn2: float, off: float) -> float:
-        """Constraint while the rods turn by s turn_k, s in -1..1, and by `off` together on top."""
-        (r1x, r1z), (r2x, r2z) = at.screws
-        c1, c2, turn, least = cos(turn1), cos(turn2), 0.5 * (abs(turn1) + abs(turn2)) + off, inf
-        for s1, s2 in ((sin(turn1), sin(turn2)), (-sin(turn1), -sin(turn2))):
-            there = self.constraint_parts(
-                FLOATS, c1 * r1x - s1 * r1z, c1 * r1z + s1 * r1x, c2 * r2x - s2 * r2z, c2 * r2z + s2 * r2x
-            )
-            mean = tuple([0.5 * (a + b) for a, b in zip(at.parts[: len(there)], there, strict=True)])
-            least = min(least, self.constraint_guarantee(mean, turn))
-        return least
+    def constraint_over(
+        self, at: Posture, turns: tuple[tuple[float, float], tuple[float, float]], rests: tuple[float, float]
+    ) -> float:
+        """Lower bound of the constraint margin while rod k turns by s_1 turns[k][0] + s_2 turns[k][1], s_j in -1..1, and
+        by rests[k] on top, rad."""
+        turn = sum([abs(a) + abs(b) + rest for (a, b), rest in zip(turns, rests, strict=True)])
+        return self.constraint_guarantee(at.parts, turn)
 
     def _sine_floor(self, r: float, move: float) -> float:
         """Smallest |sin(q - psi)| while |A P| stays within `move` of r."""
@@ -321,15 +319,16 @@ class PlanarPair(Mechanism):
         return min(ball, rod * turn * s1 * s2 / (s1 + s2))  # rod |psi_k'| <= |P'| / |S_k|
 
 
-def _span(x: float, z: float, dx: float, dz: float, rest: float) -> tuple[float, float]:
-    """Smallest and largest distance of (x, z) + s (dx, dz), s in -1..1, from the origin, if it is off by `rest`."""
-    along, square = x * dx + z * dz, dx * dx + dz * dz
-    high = hypot(x + dx, z + dz) if along > 0.0 else hypot(x - dx, z - dz)
-    if abs(along) < square:
-        low = abs(x * dz - z * dx) / hypot(dx, dz)  # the root of a square that is hardly a number has no digits
-    else:
-        low = hypot(x - dx, z - dz) if along > 0.0 else hypot(x + dx, z + dz)
-    return low - rest, high + rest
+def _distances(x: float, z: float, ax: float, az: float, bx: float, bz: float, rest: float) -> tuple[float, float]:
+    """Bounds of the distance of (x, z) + s (ax, az) + t (bx, bz), s and t in -1..1, from the origin, if it is off by
+    `rest`: smallest and largest."""
+    size = hypot(x, z)
+    if not size > 0.0:
+        return 0.0, inf
+    x, z = x / size, z / size
+    along = abs(x * ax + z * az) + abs(x * bx + z * bz)
+    aside = abs(x * az - z * ax) + abs(x * bz - z * bx)
+    return size - along - rest, hypot(size + along, aside) + rest
 
 
 def coincident_elbows(loop: Loop) -> list[tuple[float, float]]:

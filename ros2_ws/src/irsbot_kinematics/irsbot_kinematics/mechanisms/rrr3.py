@@ -12,7 +12,7 @@ from math import atan2, cos, hypot, inf, nan, pi, sin, sqrt
 from typing import ClassVar
 
 from irsbot_kinematics.arithmetic import FLOATS, Arithmetic, N
-from irsbot_kinematics.courses import Rod
+from irsbot_kinematics.boxes import Rod
 from irsbot_kinematics.geometry import require, require_finite
 from irsbot_kinematics.guarantees import CHORD, HALF
 from irsbot_kinematics.mechanism import Coordinate, Floats, Legs, Posture, Signs, Status, sign_of
@@ -245,13 +245,13 @@ class Rrr3(TurningPlatform):
         half = 0.5 / rod
         return Travel((D1 + half * D1 * D1, D2 + half * D2 * D2, D3 + half * D3 * D3), slack_m, rod)
 
-    def rods_of(self, at: Posture, half: Sequence[float], beside: Sequence[float], slack_m: float) -> list[Rod]:
+    def rods_of(self, at: Posture, travel: Sequence[float], slack_m: float) -> list[Rod]:
         """The near ends stay; rho_i grows by -B_ii per rad, and bends by at most l/2 per rad^2."""
-        l, rods = self.geometry.l, []
-        for lever, reach, h, b in zip(at.levers, at.reach, half, beside, strict=True):
-            most = abs(h) + b
-            rods.append(Rod(2.0 * l - reach, (0.0, 0.0), slack_m, -lever * h, abs(lever) * b + 0.25 * l * most * most))
-        return rods
+        l = self.geometry.l
+        return [
+            Rod(2.0 * l - reach, (0.0, 0.0), slack_m, -lever * h, 0.25 * l * h * h)
+            for lever, reach, h in zip(at.levers, at.reach, travel, strict=True)
+        ]
 
     def sine_floors(self, at: Posture, travel: Sequence[float], turn_rad: float) -> Floats:
         """The sine is |sin(q_i/2)|, whatever the platform does."""

@@ -18,6 +18,7 @@ import numpy as np
 
 from irsbot_kinematics.arithmetic import Arithmetic, Array, N
 from irsbot_kinematics.assemblies import planar_position
+from irsbot_kinematics.boxes import Reached, least_singular
 from irsbot_kinematics.geometry import require, require_finite
 from irsbot_kinematics.mechanism import Floats, Legs, Posture
 from irsbot_kinematics.mechanisms.crank_platform import CrankPlatform
@@ -143,6 +144,28 @@ class Ruu4(CrankPlatform):
                 return 0.0
             changes += asin(share) ** 2
         return max(at.constraint - sqrt(0.5 * changes), 0.0)
+
+    def constraint_over(self, at: Posture, met: Reached) -> float:
+        """The margin is the second singular value of the directions of the rods' horizontal parts, over sqrt 2. Of a
+        direction that changes by w across a horizontal part h the first derivative is w/h, and what w^2 adds is at most
+        (w/h)^2/sqrt 3 over (1 - |change|/h)^2, because the second derivatives of the unit vector along a vector are at
+        most 2/sqrt 3 over its size squared."""
+        columns: list[Floats] = []
+        ways: list[list[Floats]] = [[] for _ in met.rods]
+        room = 0.0
+        for (rx, ry, *_), rod in zip(at.screws, met.rods, strict=True):
+            level = hypot(rx, ry) + _TINY
+            x, y = rx / level, ry / level
+            columns.append((x, y))
+            for way, (wx, wy, *_) in zip(ways, rod.ways, strict=True):
+                across = (x * wy - y * wx) / level
+                way.append((-y * across, x * across))
+            share = (rod.most + rod.rest) / level
+            if not share < 1.0:
+                return 0.0
+            rest = rod.rest / level + share * share / (sqrt(3.0) * (1.0 - share) * (1.0 - share))
+            room += rest * rest
+        return least_singular(columns, ways, sqrt(room)) / sqrt(2.0)
 
     def clearance(self, at: Posture) -> float:
         """Constraints, besides: the horizontal part of a rod is at least its sine, and both are bounded in the ball of

@@ -13,7 +13,7 @@ from operator import mul
 from typing import NamedTuple
 
 from irsbot_kinematics import statics
-from irsbot_kinematics.courses import Rod, swept
+from irsbot_kinematics.boxes import Reached, Rod, reached
 from irsbot_kinematics.guarantees import displacement_and_turn, level_after, lowered
 from irsbot_kinematics.mechanism import Floats, Guarantee, Mechanism, Posture
 
@@ -59,8 +59,16 @@ class TurningPlatform(Mechanism):
         """A radius, m, and how fast a rod can turn, rad/m, while no rod end has moved farther than that."""
 
     @abstractmethod
-    def rods_of(self, at: Posture, half: Sequence[float], beside: Sequence[float], slack_m: float) -> list[Rod]:
-        """What a course of the joints does to the rods."""
+    def rods_of(self, at: Posture, travel: Sequence[float], slack_m: float) -> list[Rod]:
+        """What joints that move by at most `travel` do to the rods, to first order and on top of it."""
+
+    def sines_over(self, at: Posture, travel: Sequence[float], met: Reached) -> Floats:
+        """Lower bounds of the Type 1 sines, given how the rods' directions change."""
+        return self.sine_floors(at, travel, met.turn)
+
+    def constraint_over(self, at: Posture, met: Reached) -> float:
+        """Lower bound of the constraint margin, given how the rods' directions change; NaN: there is none."""
+        return self.constraint_floor(at, met.turn)
 
     def limb_floors(self, at: Posture, travel: Sequence[float], slack_m: float, type1: Floats) -> Floats:
         """Lower bounds of the limb margins where those of the Type 1 sines are type1: the same, as far as there are
@@ -95,17 +103,14 @@ class TurningPlatform(Mechanism):
         limb = self.limb_floors(at, travel, slack_m, type1)
         return Guarantee(type1, type2, self.constraint_floor(at, rod_turn), limb)
 
-    def guarantee_along(
-        self, at: Posture, half: Sequence[float], beside: Sequence[float], slack_m: float = 0.0
-    ) -> Guarantee:
-        """courses.swept; the Type 1 sines and the constraint from what it says of the rods."""
-        met = swept(at, self.rods_of(at, half, beside, slack_m), self.span)
+    def guarantee_sharp(self, at: Posture, travel: Sequence[float], slack_m: float = 0.0) -> Guarantee:
+        """boxes.reached; the Type 1 sines and the constraint from what it says of the rods."""
+        met = reached(at, self.rods_of(at, travel, slack_m), self.span) if min(travel) >= 0.0 else None
         if met is None:
             return self._nothing(len(at.levers))
-        most = [abs(h) + b for h, b in zip(half, beside, strict=True)]
-        turn = max(met.turns)
-        type1 = self.sine_floors(at, most, turn)
-        return Guarantee(type1, met.type2, self.constraint_floor(at, turn), self.limb_floors(at, most, slack_m, type1))
+        type1 = self.sines_over(at, travel, met)
+        limb = self.limb_floors(at, travel, slack_m, type1)
+        return Guarantee(type1, met.type2, self.constraint_over(at, met), limb)
 
     def box(self, at: Posture, asked: Travel) -> tuple[float, float]:
         """(m, rad) the platform moves and turns at most; infinite where there is no bound."""

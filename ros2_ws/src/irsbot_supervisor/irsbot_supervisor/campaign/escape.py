@@ -21,9 +21,10 @@ from irsbot_supervisor.campaign.truth import Array, followed, good_postures, lim
 from irsbot_supervisor.closed_loop import GuidedRobot
 from irsbot_supervisor.core.assess import margins_of
 from irsbot_supervisor.core.gate import DIP
-from irsbot_supervisor.core.outlook import floor_of, position_error
 from irsbot_supervisor.core.policy import KINDS
+from irsbot_supervisor.core.reach import position_error
 from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.core.stopping import floor_of
 from irsbot_supervisor.settings_file import read_settings
 
 NAME = "escape"

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 
 from irsbot_msgs_py.records import Cause, Level
 from irsbot_supervisor.campaign.rows import Job, Row, Tally
-from irsbot_supervisor.core.settings import InvalidSettings, Settings, settings_from
+from irsbot_supervisor.core.limits import settings_from
+from irsbot_supervisor.core.settings import InvalidSettings, Settings
 from irsbot_supervisor.settings_file import read_settings
 from irsbot_supervisor.suite import SUPERVISOR, Node, Suite, free_domain
 

@@ -54,10 +54,12 @@ class Assessor:
         lever = max(self._mechanism.length_m if joint.is_angle else 1.0 for joint in self._mechanism.joints)
         self._contact = CONTACT_TOL_M + lever * settings.encoder_offset + settings.geometry_tolerance_m
 
-    def assess(self, joints: Floats, lost_track: str) -> Assessment:
+    def assess(self, joints: Floats, lost_track: str, proved: bool = False) -> Assessment:
         """The posture of joint positions. A posture that is not assembled has NaN margins. lost_track: why nobody
-        knows the branch from now on, or empty."""
+        knows the branch from now on, or empty. proved: the way from the last posture has met no Type 2 singularity."""
         self._lost = self._lost or lost_track
+        if proved:
+            self._gaps = ()
         return self._judged(joints, lasting=True)
 
     @property

@@ -3,6 +3,10 @@
 The joints of a stretch lie in a box; the mechanism bounds its margins over boxes. Long stretches are tried first and
 cut where their bound does not suffice, in the order of time, so that the first violation is the one that is named.
 Points with velocities are joined by cubics, points without by straight lines, as trajectory controllers do.
+
+A supervisor stops a robot earlier: as soon as drives that do their worst from then on could not be stopped in time. Where
+it is told how long the robot goes on unseen, a motion is certified for that, too: what the joints can reach from a part
+of the motion is added to the box of that part.
 """
 
 from __future__ import annotations
@@ -18,13 +22,19 @@ from irsbot_kinematics import Posture, Robot, Status
 from irsbot_kinematics.arithmetic import Array
 from irsbot_msgs_py.records import Cause, Floats
 from irsbot_supervisor.core.assess import Margins, margins_of
+from irsbot_supervisor.core.estimation.estimate import Speeds
+from irsbot_supervisor.core.estimation.observer import excess
 from irsbot_supervisor.core.motion import BadTrajectory
-from irsbot_supervisor.core.outlook import floor_of, limits_of, position_error
 from irsbot_supervisor.core.policy import KINDS, WORDS
+from irsbot_supervisor.core.reach import Reach, position_error
 from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.core.stopping import PATIENT_CUTS, BoxBounds, floor_of, limits_of
 
 STRETCH = 64
 """Segments that are tried in one box first."""
+
+SMALL = 0.02
+"""1: parts of a motion that are this much shorter than what joints can reach from them are not cut further."""
 
 CUTS = 24
 """How often one segment is halved at most: 2^-24 of it is far below what any controller resolves."""
@@ -63,15 +73,17 @@ def certify(
     assembly_mode: int = 0,
     limits: Margins | None = None,
     begin: Posture | None = None,
+    ahead_s: float | None = None,
 ) -> Certificate:
     """Certify a motion. times_s: (N,) s, increasing. positions: (N, n) rad or m. velocities: (N, n) or empty.
 
     assembly_mode: of the start; 0: the settings'. limits: what the margins must keep; the stop limits if left out.
     begin: a posture near the start on the branch in which the motion begins, where that is known better than by a
-    label. Raises BadTrajectory.
+    label. ahead_s: for how long the robot goes on unseen, two periods of its samples or more, if the motion has to pass
+    a supervisor; only the way itself counts if left out. Raises BadTrajectory.
     """
     motion = _Motion(len(robot.mechanism.joints), times_s, positions, velocities)
-    return _Walk(robot, settings, motion, assembly_mode, limits or limits_of(settings, "stop"), begin).walk()
+    return _Walk(robot, settings, motion, assembly_mode, limits or limits_of(settings, "stop"), begin, ahead_s).walk()
 
 
 class _Motion:
@@ -134,6 +146,18 @@ class _Motion:
         reach = half * (slope + half * (0.5 * bend + half * np.abs(c3)))  # Taylor, exact for a cubic
         return value - reach, value + reach
 
+    def rates(self, segment: int, start: float, end: float) -> tuple[Array, Array]:
+        """Bounds of the joint velocities over a part of a segment."""
+        dt = float(self.times[segment + 1] - self.times[segment])
+        if self.v is None:
+            rate = (self.q[segment + 1] - self.q[segment]) / dt
+            return rate, rate
+        c1, c2, c3 = (c[segment] for c in self._cubic)
+        middle, half = 0.5 * (start + end), 0.5 * (end - start)
+        value = c1 + middle * (2.0 * c2 + 3.0 * middle * c3)
+        reach = half * (np.abs(2.0 * c2 + 6.0 * middle * c3) + 3.0 * half * np.abs(c3))
+        return (value - reach) / dt, (value + reach) / dt
+
 
 class _Walk:
     """Goes along a motion, stretch by stretch."""
@@ -146,8 +170,12 @@ class _Walk:
         assembly_mode: int,
         limits: Margins,
         begin: Posture | None,
+        ahead_s: float | None,
     ) -> None:
         self._mechanism = robot.mechanism
+        self._bounds = BoxBounds(robot.mechanism, settings.geometry_tolerance_m)
+        self._reach, self._ahead_s, self._latency_s = Reach(settings), ahead_s, settings.latency_s
+        self._excess = np.array(excess(settings, 0.5 * ahead_s)) if ahead_s is not None else np.zeros(0)
         self._assembly = assembly_mode or settings.assembly_mode
         if self._assembly not in self._mechanism.assembly_modes:
             raise BadTrajectory(f"assembly mode {assembly_mode} is not one of {self._mechanism.assembly_modes}")
@@ -170,7 +198,8 @@ class _Walk:
 
     def _start(self) -> Violation | None:
         """The motion must begin in the configured branch; afterwards positive margins keep it there."""
-        at, floor = self._bound(self._motion.q[0], self._motion.q[0])
+        first = self._motion.q[0]
+        at, floor, _ = self._bound(first, first, np.zeros_like(first), np.zeros_like(first), PATIENT_CUTS)
         begin = float(self._motion.times[0])
         if at.status != Status.SOLVED or at.working_mode != self._working:
             what = "no pose belongs to the joints" if at.status != Status.SOLVED else f"working mode {at.working_mode}"
@@ -182,7 +211,11 @@ class _Walk:
     def _segments(self, first: int, last: int) -> Violation | None:
         """The first violation in a row of segments."""
         motion = self._motion
-        at, floor = self._bound(motion.low[first:last].min(axis=0), motion.high[first:last].max(axis=0))
+        rates = [motion.rates(k, 0.0, 1.0) for k in range(first, last)] if self._ahead_s is not None else []
+        slow = np.min([low for low, _ in rates], axis=0) if rates else np.zeros(motion.q.shape[1])
+        fast = np.max([high for _, high in rates], axis=0) if rates else slow
+        box = motion.low[first:last].min(axis=0), motion.high[first:last].max(axis=0)
+        at, floor, _ = self._bound(*box, slow, fast, 0)
         if self._settled(floor, 0.5 * float(motion.times[first] + motion.times[last])):
             self._advance(at, motion.q[last])
             return None
@@ -195,26 +228,39 @@ class _Walk:
         """The first violation in a part of a segment, given in shares of its time."""
         motion = self._motion
         begin, length = float(motion.times[segment]), float(motion.times[segment + 1] - motion.times[segment])
-        at, floor = self._bound(*motion.part(segment, start, end))
+        box, rates = motion.part(segment, start, end), motion.rates(segment, start, end)
+        at, floor, small = self._bound(*box, *rates, 0)
         middle = 0.5 * (start + end)
+        if not self._settled(floor, begin + middle * length) and small:
+            at, floor, _ = self._bound(*box, *rates, PATIENT_CUTS)
         if self._settled(floor, begin + middle * length):
             self._advance(at, motion.part(segment, end, end)[0])
             return None
-        if cuts == 0:
+        if cuts == 0 or small:
             return self._violation(at, floor, begin + start * length)
         return self._parts(segment, start, middle, cuts - 1) or self._parts(segment, middle, end, cuts - 1)
 
-    def _bound(self, low: Array, high: Array) -> tuple[Posture, Margins]:
-        """The posture in the middle of a box of joints, and lower bounds of the margins over the box."""
+    def _bound(self, low: Array, high: Array, slow: Array, fast: Array, cuts: int) -> tuple[Posture, Margins, bool]:
+        """The posture in the middle of a box of joints, lower bounds of the margins over the box and what can be reached
+        from it, and whether that is nearly all of it. slow, fast: bounds of the joint velocities there."""
         middle, here = tuple((0.5 * (low + high)).tolist()), self._here
         if here is None:
             at = self._mechanism.posture(middle, self._assembly)
         else:
             at = self._mechanism.track(middle, here) if here.status == Status.SOLVED else here
         if at.status != Status.SOLVED:
-            return at, (0.0, 0.0, 0.0, 0.0)
-        travel = (0.5 * (high - low) + self._error).tolist()
-        return at, floor_of(self._mechanism.guarantee(at, travel, self._slack_m))
+            return at, (0.0, 0.0, 0.0, 0.0), False
+        down = up = np.full(len(low), self._error)
+        small = False
+        if self._ahead_s is not None:
+            forward = tuple((np.maximum(fast, 0.0) + self._excess).tolist())
+            backward = tuple((np.maximum(-slow, 0.0) + self._excess).tolist())
+            ahead, back = self._reach.until_rest(Speeds(forward, backward), self._ahead_s + self._latency_s)
+            errors = np.array(self._reach.errors)
+            down, up = np.array(back) + errors, np.array(ahead) + errors
+            small = bool((high - low <= SMALL * (down + up)).all())
+        box = tuple((low - down).tolist()), tuple((high + up).tolist())
+        return at, self._bounds.least(at, *box, ((self._stop, cuts),)), small
 
     def _advance(self, at: Posture, joints: Array) -> None:
         """Where labels do not hold, the branch is followed: inside the box of which `at` is the middle."""
@@ -239,7 +285,9 @@ class _Walk:
         kind = lack.index(min(lack))
         limit = self._stop[kind]
         why = ""
-        if now[kind] >= limit:
+        if now[kind] >= limit and self._ahead_s is not None and sure[kind] >= limit:
+            why = f", may fall to {floor[kind]:.4f} before the robot can be stopped"
+        elif now[kind] >= limit:
             why = f", {now[kind] - sure[kind]:.2g} less with errors of encoders and geometry"
             if sure[kind] - floor[kind] > now[kind] - sure[kind]:  # the shortest part of the motion is too long
                 why = ", cannot be bounded until the next moment"

@@ -1,7 +1,8 @@
 """The command gate: a commanded motion in, the part of it that is allowed out.
 
-On approach a command is scaled so that the robot could always stand before the gate's limits, which lie a little above
-the stop limits: a robot commanded through the gate is not stopped, it comes to rest. What points inward is blocked,
+On approach a command is scaled so that the robot could still be stopped before the gate's limits if its drives did
+their worst from then on; these limits lie a little above the stop limits. So a robot commanded through the gate is not
+stopped, it comes to rest where it can be stopped. What points inward is blocked,
 what goes along stays. After a STOP only motion away from what caused it passes, at recovery speed, and nothing that
 gives back what was gained. In doubt the answer is to hold.
 """
@@ -9,18 +10,21 @@ gives back what was gained. In doubt the answer is to hold.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from math import copysign, inf, isfinite
+from math import inf, isfinite
+from operator import add, sub
 from typing import NamedTuple
 
 from irsbot_kinematics import Mechanism, Posture
 from irsbot_msgs_py.records import Floats, Level
 from irsbot_supervisor.core.assess import Margins, margins_of, slopes
-from irsbot_supervisor.core.estimator import SHORTEST
+from irsbot_supervisor.core.estimation.estimate import Speeds
+from irsbot_supervisor.core.estimation.observer import excess
 from irsbot_supervisor.core.intake import S
 from irsbot_supervisor.core.latch import Judgement
-from irsbot_supervisor.core.outlook import Foresight, floor_of, limits_of, lowest, position_error
 from irsbot_supervisor.core.policy import KINDS, WORDS
+from irsbot_supervisor.core.reach import position_error
 from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.core.stopping import StoppingPredictor, floor_of, limits_of
 
 RESERVE = 0.02
 """1: share above the stop limits that a command keeps, so that the gate does not lead to the stop it is there to avoid:
@@ -48,8 +52,10 @@ class View(NamedTuple):
     """What is known of the robot now."""
 
     at: Posture
-    velocity: Floats  # rad/s or m/s
+    velocity: Floats  # rad/s or m/s, NaN where not known
+    speeds: Speeds  # certain
     ahead_s: float  # age of the sample, and until the next can be expected
+    expected_s: float  # of these until the next can be expected
     judgement: Judgement
     seen_ns: int  # when the sample came, steady clock
 
@@ -79,12 +85,12 @@ class Gate:
 
     def configure(self, settings: Settings) -> None:
         """New limits; how far a robot has come out of a stop stays known."""
-        self._foresight = Foresight(settings, self._mechanism)
+        self._settings = settings
+        self._predictor = StoppingPredictor(settings, self._mechanism)
         self._speed = settings.velocity_limit
         self._slow = settings.standstill_speed
         self._share = settings.recovery_share
         self._lag_s = LAG_BEATS * settings.heartbeat_s
-        self._brakes, self._latency = settings.deceleration_limit, settings.latency_s
         self._keep = _raised(limits_of(settings, "stop"))
         self._error = (position_error(settings),) * len(settings.velocity_limit)
         self._slack_m = settings.geometry_tolerance_m
@@ -143,31 +149,28 @@ class Gate:
         """Which margin cannot be kept at these rates; None if all can."""
         if not any(rates):
             return None
-        # Judged as the supervisor will judge it, which stops no robot twice; but a way out, whose limits lie where the
-        # robot is, needs sharper bounds.
-        leaves = view.judgement.level == Level.STOP
-        wanted, seen = (limits, rates) if leaves else (None, self._seen(rates, view))
-        # Joints that brake each by itself leave the way, sooner braking elsewhere than later: both must be safe. So
-        # must be one joint that still speeds up when the others have done so.
-        later = self._foresight.foresee(view.at, seen, view.ahead_s + self._lag_s, wanted)
-        alone = [(*rates[:j], fast, *rates[j + 1 :]) for j, fast in enumerate(seen) if fast != rates[j]]
-        sooner = [self._foresight.foresee(view.at, each, view.ahead_s, wanted) for each in (seen, *alone)]
-        floor = lowest([later, *sooner])
+        if view.judgement.level == Level.STOP:  # a way out begins where nothing can be stopped: the slow command counts
+            floor = self._predictor.along(view.at, rates, view.ahead_s + self._lag_s, limits)
+        else:
+            speeds, moved = self._followed(view, rates)
+            floor = self._predictor.predict(view.at, speeds, view.ahead_s, moved=moved)
         if all(have >= want for have, want in zip(floor, limits, strict=True)):
             return None
         now = margins_of(view.at)  # where nothing can be bounded, the nearest limit speaks
         lack = [(have - want, have_now - want) for have, have_now, want in zip(floor, now, limits, strict=True)]
         return lack.index(min(lack))
 
-    def _seen(self, rates: Floats, view: View) -> Floats:
-        """What the supervisor will take commanded rates for while the joints get there: joints that speed up count as
-        if they went on doing so until the brakes act, if they do so for a part of the latency."""
-        delay_s, seen = self._latency + view.ahead_s, []
-        for rate, now, brake in zip(rates, view.velocity, self._brakes, strict=True):
-            change, gain, soon = rate - now, brake * delay_s, brake * self._latency * SHORTEST
-            more = change * gain / soon if abs(change) < soon else copysign(gain, change)
-            seen.append(rate + more if change * rate > 0.0 else rate)
-        return tuple(seen)
+    def _followed(self, view: View, rates: Floats) -> tuple[Speeds, tuple[Floats, Floats]]:
+        """How fast the supervisor will take the joints to be at most when they have followed a command, and from where
+        to where (rad or m) they can have got by then: they move between what they do now and what they are told."""
+        low, high = [], []
+        for now, rate, forward, backward in zip(view.velocity, rates, *view.speeds, strict=True):
+            known = now == now
+            high.append(max(0.0, now if known else forward, rate))
+            low.append(min(0.0, now if known else -backward, rate))
+        more = excess(self._settings, 0.5 * view.expected_s)
+        speeds = Speeds(tuple(map(add, high, more)), tuple(map(sub, more, low)))
+        return speeds, (tuple([rate * self._lag_s for rate in low]), tuple([rate * self._lag_s for rate in high]))
 
     def _kept(self, view: View, rates: Floats, share: float, limits: Margins) -> Floats:
         """The part of the rates that keeps the limits. All of a new command is tried; else the search begins with what

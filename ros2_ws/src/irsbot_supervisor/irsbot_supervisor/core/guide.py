@@ -13,9 +13,10 @@ from irsbot_kinematics import Mechanism, Posture, Robot
 from irsbot_kinematics.mechanism import Floats
 from irsbot_supervisor.core.assess import SOLVED, margins_of, slopes
 from irsbot_supervisor.core.limits import KINDS, alone, contradictions
-from irsbot_supervisor.core.outlook import floor_of, position_error
+from irsbot_supervisor.core.reach import position_error
 from irsbot_supervisor.core.room import candidates, postures, room
 from irsbot_supervisor.core.settings import LEAST_LIMIT, InvalidSettings, Settings, completed
+from irsbot_supervisor.core.stopping import floor_of
 
 SAFETY = 2.0
 """1: errors may be this many times larger than what is stated, for play and elasticity, which nobody states."""

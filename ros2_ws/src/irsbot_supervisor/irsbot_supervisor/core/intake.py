@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import isfinite, remainder
+from math import isfinite
 from operator import itemgetter
 from typing import NamedTuple
 
 from irsbot_kinematics.mechanism import Coordinate
 from irsbot_msgs_py.records import Cause, Floats, JointSample
+from irsbot_supervisor.core.estimation.publishers import Publishers
 from irsbot_supervisor.core.settings import Settings
 
 S = 1_000_000_000
@@ -16,13 +17,6 @@ S = 1_000_000_000
 
 FARTHEST = 1e6
 """rad or m: a joint position beyond this is a unit error or garbage, and beyond it sines lose their digits."""
-
-OVERSPEED = 1.25
-"""1: a joint that moves this much faster than its limit between two samples has not moved: the reading is wrong."""
-
-LATE_PERIODS = 2
-"""1: periods of the sender by which the arrival of a sample may be off. Clocks that stamp coarsely repeat themselves
-while the robot moves; two sources that say different things of one moment differ by more."""
 
 
 class Accepted(NamedTuple):
@@ -49,8 +43,7 @@ class Intake:
     """Sorts samples into accepted and rejected; remembers the order of names and the newest stamp."""
 
     def __init__(self, settings: Settings, joints: tuple[Coordinate, ...]) -> None:
-        self._turns = tuple(joint.turn for joint in joints)
-        self._units = tuple(joint.unit for joint in joints)
+        self._publishers = Publishers(settings, joints)
         self.configure(settings)
         self._names: tuple[str, ...] | None = None
         self._pick: Callable[[Floats], Floats] = tuple
@@ -60,8 +53,7 @@ class Intake:
     def configure(self, settings: Settings) -> None:
         """New limits; what has arrived stays known."""
         self._joints = settings.joint_names
-        self._fastest = tuple(OVERSPEED * speed for speed in settings.velocity_limit)
-        self._step = 2.0 * settings.encoder_resolution
+        self._publishers.configure(settings)
         self._age_ns = round(settings.age_limit_s * S)
         self._future_ns = round(settings.future_limit_s * S)
         self._stale_ns = round(settings.stale_s * S)
@@ -116,22 +108,10 @@ class Intake:
         # A stamp that is merely repeated never becomes news.
         if stamp < self._stamp_ns and seen - self._seen_ns > self._stale_ns:
             return None
-        if fault := self._contradiction(stamp, seen, position):
+        times = (self._stamp_ns - stamp) / S, (seen - self._seen_ns) / S, self._period_ns / S
+        if fault := self._publishers.contradiction(position, self._position, *times):
             return Rejected(Cause.IMPLAUSIBLE, fault)
         return Rejected(Cause.STAMP, "the stamp is repeated or out of order", harmless=True)
-
-    def _contradiction(self, stamp: int, seen: int, position: Floats) -> str:
-        """Why a sample that is no newer than the last one cannot come from the same robot, or empty."""
-        passed_s = (seen - self._seen_ns + LATE_PERIODS * abs(self._period_ns) + self._stamp_ns - stamp) / S
-        joints = zip(self._joints, self._units, self._turns, self._fastest, strict=True)
-        for (name, unit, turn, fastest), now, then in zip(joints, position, self._position, strict=True):
-            apart = abs(remainder(now - then, turn))
-            if not apart <= fastest * passed_s + self._step:
-                when = f"{(self._stamp_ns - stamp) / S:.3g} s" if stamp < self._stamp_ns else "no time"
-                return (
-                    f"joint '{name}' is in two places, {apart:.4g} {unit} apart with {when} in between: two publishers?"
-                )
-        return ""
 
 
 def _bad_position(name: str, value: float) -> tuple[Cause, str]:

@@ -3,29 +3,41 @@
 A joint that cannot be stopped from its velocity limit before a stop limit is reached, whatever the posture, can never
 be that fast without a STOP. Each joint is judged by itself, the others at rest, forth and back. Together the joints may
 well be faster than any room they have, as three slides that all run apart, and no task drives them so; but what no
-joint can do alone, no task can do. Encoder and geometry errors count. The time between samples does not, because the
-settings do not know it: what is refused here could not work with any.
+joint can do alone, no task can do. Encoder and geometry errors count, and so does what every joint, the resting ones too,
+can gain of speed until the brakes act. The time between samples does not, because the settings do not know it: what is
+refused here could not work with any.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from math import inf
-from typing import TYPE_CHECKING
+from typing import Any
 
-from irsbot_kinematics import Mechanism
+from irsbot_kinematics import Mechanism, Robot
 from irsbot_kinematics.mechanism import Floats
 from irsbot_supervisor.core.assess import margins_of
-from irsbot_supervisor.core.outlook import Foresight, limits_of
+from irsbot_supervisor.core.estimation.estimate import Speeds
 from irsbot_supervisor.core.room import Room, candidates, postures, room
-
-if TYPE_CHECKING:
-    from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.core.settings import InvalidSettings, Settings, completed
+from irsbot_supervisor.core.stopping import StoppingPredictor, limits_of
 
 FEWEST = 50
 """Postures in the configured modes: with fewer nothing is concluded, there may be a roomier place between them."""
 
 KINDS = ("type1", "type2", "constraint", "limb")
 """How the settings call the margins, in the order of `assess.Margins`."""
+
+
+def settings_from(values: Mapping[str, Any], robot: Robot) -> Settings:
+    """Settings from a mapping (YAML, parameters, journal), completed for a robot and checked as a whole.
+
+    Raises InvalidSettings naming every fault.
+    """
+    settings = completed(values, robot)
+    if faults := contradictions(settings, robot.mechanism):
+        raise InvalidSettings("; ".join(faults))
+    return settings
 
 
 def contradictions(settings: Settings, mechanism: Mechanism) -> list[str]:
@@ -54,12 +66,18 @@ def alone(joint: int, joints: int) -> list[Floats]:
 def _said(settings: Settings, mechanism: Mechanism, joint: int, found: Room) -> str:
     name, unit = settings.joint_names[joint], mechanism.joints[joint].unit
     speed, brake = settings.velocity_limit[joint], settings.deceleration_limit[joint]
-    needs = abs(Foresight(settings, mechanism).way(found.at, settings.velocity_limit, 0.0).travel[joint])
+    predictor = StoppingPredictor(settings, mechanism)
+    needs = predictor.travel(Speeds(settings.velocity_limit, settings.velocity_limit), 0.0)[0][joint]
     kind, margin, stop = KINDS[found.kind], margins_of(found.at)[found.kind], limits_of(settings, "stop")[found.kind]
+    gain, latency = settings.acceleration_limit[joint], settings.latency_s
     if found.share == 0.0:
-        errors = f"encoder_resolution {settings.encoder_resolution!r}, encoder_offset {settings.encoder_offset!r}"
-        errors += f" and geometry_tolerance_m {settings.geometry_tolerance_m!r}"
-        return f"{errors} alone take the {kind} margin of {margin:.3g}, at its best, below {kind}_stop ({stop!r})"
+        rest = (0.0,) * len(mechanism.joints)
+        way = predictor.travel(Speeds(rest, rest), 0.0)[0][joint]
+        return (
+            f"joint '{name}' can get {way:.3g} {unit} from rest until it is stopped (acceleration_limit {gain!r}, "
+            f"latency_s {latency!r}, deceleration_limit {brake!r}); with the errors of encoders and geometry that takes "
+            f"the {kind} margin of {margin:.3g}, at its best, below {kind}_stop ({stop!r})"
+        )
     brakes = f"deceleration_limit {brake!r}, latency_s {settings.latency_s!r}"
     return (
         f"joint '{name}' needs {needs:.3g} {unit} to stop from velocity_limit ({speed!r}; {brakes}), but at its best "

@@ -1,8 +1,8 @@
 """Longer motions through the command gate: a commanded trajectory in, the motion that is allowed out.
 
-The motion is certified between its points too. It is slowed down until at every moment the robot could stand before
-the gate's limits; where the way itself leads beyond them, it is followed to the last place in front of them, and ends
-there at rest, on the way that was commanded.
+The motion is certified between its points too. It is slowed down until from every moment of it the robot could be
+stopped before the gate's limits, whatever its drives do; where that cannot be had even slowly, the motion is followed to
+the last place from which it can, and ends there at rest, on the way that was commanded.
 """
 
 from __future__ import annotations
@@ -12,10 +12,9 @@ from typing import NamedTuple
 
 from irsbot_kinematics import Posture, Robot
 from irsbot_msgs_py.records import Floats
-from irsbot_supervisor.core.assess import SOLVED, Margins
+from irsbot_supervisor.core.assess import Margins
 from irsbot_supervisor.core.certify import Certificate, certify
 from irsbot_supervisor.core.motion import BadTrajectory, Command, JointLimits, JointPath, path_through
-from irsbot_supervisor.core.outlook import PATIENT_CUTS, Foresight
 from irsbot_supervisor.core.settings import Settings
 
 PACES = (1.0, 0.8, 0.63, 0.5, 0.4, 0.32, 0.25, 0.2, 0.16, 0.125, 0.1)
@@ -24,17 +23,8 @@ PACES = (1.0, 0.8, 0.63, 0.5, 0.4, 0.32, 0.25, 0.2, 0.16, 0.125, 0.1)
 SEARCHES = 8
 """How finely the end of a shortened motion is found: to 1/256 of the way."""
 
-ROOM = 0.01
-"""1: what the end of a shortened motion keeps above the limits: it has to be bounded while the robot arrives there."""
-
 REST_POINTS = 12
 """Points of the cubics that bring a shortened motion to rest."""
-
-LOOK_S = 0.01
-"""s between the moments of a motion at which the way to standstill is foreseen; the supervisor looks more often."""
-
-MOST_LOOKS = 1000
-"""A motion that lasts longer than this many looks is looked at more rarely, so that the answer takes bounded time."""
 
 ROUNDING = 1e-6
 """1: share by which limits of the joints may be exceeded in a path that was made to fit them."""
@@ -47,6 +37,7 @@ class Situation(NamedTuple):
     velocity: Floats  # rad/s or m/s
     share: float  # of the speed limits; 0 means hold
     limits: Margins
+    ahead_s: float | None  # for how long it goes on unseen; None on the way out of a stop, where only the way counts
 
 
 class GatedMotion(NamedTuple):
@@ -61,8 +52,6 @@ class MotionGate:
 
     def __init__(self, settings: Settings, robot: Robot) -> None:
         self._settings, self._robot = settings, robot
-        self._foresight = Foresight(settings, robot.mechanism, PATIENT_CUTS)
-        self._lag_s = 2.0 * settings.heartbeat_s
 
     def motion(self, command: Command, situation: Situation) -> GatedMotion:
         """The allowed part of a commanded motion. Never raises for values."""
@@ -78,7 +67,7 @@ class MotionGate:
 
     def _joined(self, command: Command, situation: Situation) -> JointPath:
         """From where the robot is along the commanded points, within what the joints can do."""
-        at, velocity, share, _limits = situation
+        at, velocity, share = situation.at, situation.velocity, situation.share
         position = at.joints
         way = path_through(command.times, command.positions, command.velocities, len(position))
         later = [i for i, time in enumerate(command.times) if time > 0.0]
@@ -97,49 +86,40 @@ class MotionGate:
         return path.stretched(excess)
 
     def _safe(self, path: JointPath, situation: Situation) -> GatedMotion:
-        begin, limits = situation.at, situation.limits
-        found = self._certified(path, limits, begin)
-        text = ""
+        slowest = path.stretched(1.0 / PACES[-1])
+        found, text = self._certified(slowest, situation), ""
         if found.violation is not None:
-            shortened = self._shortened(path, found.violation.time_s, situation)
+            shortened = self._shortened(path, found.violation.time_s * PACES[-1], situation)
             if shortened is None:
                 return GatedMotion(None, f"held: {found.violation.text}")
             path, text = shortened, f"ends early: {found.violation.text}"
         for pace in PACES:
             slower = path.stretched(1.0 / pace)
-            if self._can_stop(slower, limits, begin):
+            if self._certified(slower, situation).safe:
                 reasons = [text, f"slowed down to {pace:.3g}" if pace < 1.0 else ""]
                 return GatedMotion(slower, "; ".join(reason for reason in reasons if reason))
-        return GatedMotion(None, "held: the robot could not stop on this way even if it were slow")
+        return GatedMotion(None, "held: the robot could not be stopped on this way even if it were slow")
 
-    def _certified(self, path: JointPath, limits: Margins, begin: Posture) -> Certificate:
+    def _certified(self, path: JointPath, situation: Situation) -> Certificate:
+        """What the robot keeps along a path, and if its drives do their worst from anywhere on it."""
         return certify(
-            self._robot, self._settings, path.times, path.positions, path.velocities, limits=limits, begin=begin
+            self._robot,
+            self._settings,
+            path.times,
+            path.positions,
+            path.velocities,
+            limits=situation.limits,
+            begin=situation.at,
+            ahead_s=situation.ahead_s,
         )
-
-    def _can_stop(self, path: JointPath, limits: Margins, begin: Posture) -> bool:
-        """Whether the robot could stand before the limits if it braked at any of the moments that are looked at."""
-        looks = max(min(round(path.duration_s / LOOK_S), MOST_LOOKS), 1)
-        at = begin
-        for look in range(looks):
-            point = path.at(path.duration_s * look / looks)
-            at = self._robot.mechanism.track(point.position, at)
-            if at.status != SOLVED:
-                return False
-            floor = self._foresight.foresee(at, point.velocity, self._lag_s, limits)
-            if not all(have >= want for have, want in zip(floor, limits, strict=True)):
-                return False
-        return True
 
     def _shortened(self, path: JointPath, violation_s: float, situation: Situation) -> JointPath | None:
         """The longest part of a path, brought to rest, that keeps the limits; None if there is none."""
-        type1, type2, constraint, limb = (limit + ROOM for limit in situation.limits)
-        roomy = type1, type2, constraint, limb
         low, high, best = 0.0, violation_s, None
         for _ in range(SEARCHES):
             end_s = 0.5 * (low + high)
             rest = self._at_rest(path, end_s)
-            if rest is not None and self._certified(rest, roomy, situation.at).safe:
+            if rest is not None and self._certified(rest.stretched(1.0 / PACES[-1]), situation).safe:
                 low, best = end_s, rest
             else:
                 high = end_s

@@ -6,7 +6,7 @@ A sample, a tick of a timer, an operator's reset and new settings enter by the s
 from __future__ import annotations
 
 from dataclasses import fields
-from math import inf, isfinite, nan, remainder, sqrt
+from math import inf, nan, remainder, sqrt
 from typing import NamedTuple
 
 from irsbot_kinematics import Posture, Robot
@@ -24,16 +24,22 @@ from irsbot_msgs_py.records import (
     Tick,
     Verdict,
 )
-from irsbot_supervisor.core.arrivals import SETTLING
-from irsbot_supervisor.core.assess import SOLVED, Assessment, Assessor, Margins, slopes
-from irsbot_supervisor.core.estimator import Estimate, Estimator
+from irsbot_supervisor.core.assess import SOLVED, Assessment, Assessor, slopes
+from irsbot_supervisor.core.estimation.estimate import Estimate
+from irsbot_supervisor.core.estimation.estimator import Estimator
+from irsbot_supervisor.core.estimation.sample_interval import SETTLING
 from irsbot_supervisor.core.gate import View
 from irsbot_supervisor.core.intake import Intake, Rejected, S
 from irsbot_supervisor.core.latch import Judgement, Latch
-from irsbot_supervisor.core.outlook import Foresight
+from irsbot_supervisor.core.limits import settings_from
 from irsbot_supervisor.core.policy import KINDS, Policy
 from irsbot_supervisor.core.report import Reporter
-from irsbot_supervisor.core.settings import InvalidSettings, Settings, settings_from
+from irsbot_supervisor.core.settings import LEAST_LIMIT, InvalidSettings, Settings
+from irsbot_supervisor.core.stop_monitor import MeasuredStop, StopMonitor
+from irsbot_supervisor.core.stopping import PATIENT_CUTS, BoxBounds, StoppingPredictor
+
+APART = ((-inf, LEAST_LIMIT, -inf, -inf), PATIENT_CUTS)
+"""What has to be proved of a silence: that no Type 2 singularity was met, and how much may be done for it once."""
 
 Event = JointSample | Tick | Reset | Configure
 
@@ -57,6 +63,7 @@ class Supervisor:
         self._estimator = Estimator(settings, robot.mechanism.joints)
         self._assessor = Assessor(settings, robot.mechanism)
         self._intake = Intake(settings, robot.mechanism.joints)
+        self._stops = StopMonitor(settings, robot.mechanism.joints)
         self._set(settings)
         self._samples = 0
         self._verdicts = 0
@@ -90,7 +97,8 @@ class Supervisor:
     def _set(self, settings: Settings) -> None:
         mechanism = self.robot.mechanism
         self.settings = settings
-        self._foresight = Foresight(settings, mechanism)
+        self._predictor = StoppingPredictor(settings, mechanism)
+        self._bounds = BoxBounds(mechanism, settings.geometry_tolerance_m)
         self._policy = Policy(settings, mechanism.joints)
         self._reporter = Reporter(settings, mechanism, self.robot.name)
         self._stale_ns = round(settings.stale_s * S)
@@ -108,16 +116,21 @@ class Supervisor:
             if entry.metadata.get("read_only") and now != then:
                 raise InvalidSettings(f"{entry.name} is {now!r} and cannot become {then!r} while supervising")
         self._set(settings)
-        for stage in (self._intake, self._estimator, self._assessor, self._latch):
+        for stage in (self._intake, self._estimator, self._assessor, self._latch, self._stops):
             stage.configure(settings)
         if self._good is not None:
             self._learn(change.seen_ns)
 
     @property
     def standing(self) -> bool:
-        """Whether the last good sample is fresh and shows no motion."""
-        good, slow = self._good, self.settings.standstill_speed
-        return good is not None and not self._stale and all(-slow <= rate <= slow for rate in good.velocity)
+        """Whether the last good sample is fresh and no joint has moved for `stale_s`."""
+        good = self._good
+        return good is not None and not self._stale and good.standing_s >= self.settings.stale_s
+
+    @property
+    def measured_stop(self) -> MeasuredStop | None:
+        """The last stop that came to rest."""
+        return self._stops.last
 
     @property
     def view(self) -> View | None:
@@ -125,7 +138,7 @@ class Supervisor:
         good = self._good
         if good is None or self._at is None or self._latch.now.level == Level.UNKNOWN:
             return None
-        return View(self._at, good.velocity, good.ahead_s, self._latch.now, good.seen_ns)
+        return View(self._at, good.velocity, good.speeds, good.ahead_s, good.expected_s, self._latch.now, good.seen_ns)
 
     def fail(self, seen_ns: int, text: str) -> Verdict:
         """The verdict after an error inside: UNKNOWN, whatever the samples said, until one is judged without error."""
@@ -176,8 +189,7 @@ class Supervisor:
         estimate = self._estimator.update(accepted)
         if isinstance(estimate, Rejected):
             return self._rejected(sample, estimate)
-        lost_track, self._estimator.lost_track = self._estimator.lost_track, ""
-        assessment = self._assessor.assess(estimate.position, lost_track)
+        assessment = self._assess(estimate)
         at = assessment.at
         if at.status != SOLVED:
             self._found = self._policy.judge(estimate, assessment, None, (), 0)
@@ -187,13 +199,19 @@ class Supervisor:
             self._begun_ns = sample.seen_ns
             self._learn(sample.seen_ns)
         self._good, self._at, self._stale, self._silence = estimate, at, False, []
-        floor = self._foresee(assessment, estimate)
+        floor = self._predictor.predict(at, estimate.speeds, estimate.ahead_s)
         reaction = self._reporter.reaction(estimate, assessment)
-        found = self._found = self._policy.judge(estimate, assessment, floor, reaction, self._latch.now.causes)
+        # Until it is known how often samples come the level is UNKNOWN: what could be reached tells nothing yet.
+        counts = floor if sample.seen_ns >= self._known_ns else assessment.margins
+        found = self._policy.judge(estimate, assessment, counts, reaction, self._latch.now.causes)
+        found = self._found = [*found, *self._stops.look(estimate)]
         escape: Floats = ()
         if found and not self._latch.latched and any(finding.level == Level.STOP for finding in found):
             escape = self._escape(assessment, found)
+        moved_freely = self._latch.now.level < Level.STOP
         self._latch.update(found, sample.seen_ns, escape)
+        if moved_freely and self._latch.now.level >= Level.STOP:
+            self._stops.begin(estimate)
         level = max([finding.level for finding in found]) if found else Level.OK
         return self._reporter.solved(estimate, assessment, floor, reaction, self._samples, level, _causes(found))
 
@@ -217,7 +235,8 @@ class Supervisor:
                 return doubt
         # The operator has looked: what only a look can tell is told. What can be seen, as a wrong mode, is seen again.
         assessment = self._assessor.confirmed(good.position, seen)
-        floor = self._foresee(assessment, good)
+        at = assessment.at
+        floor = self._predictor.predict(at, good.speeds, good.ahead_s) if at.status == SOLVED else None
         active = self._policy.judge(good, assessment, floor, self._reporter.reaction(good, assessment), 0)
         stopped = any(finding.level == Level.STOP for finding in active)
         escape = self._escape(assessment, active) if stopped else ()
@@ -250,13 +269,15 @@ class Supervisor:
         away = [abs(remainder(a - b, turn)) for a, b, turn in zip(here, answer.poses, turns, strict=True)]
         return None, "" if all(way <= SAME_POSE_TOL for way in away) else "the seed pose is nearest to another branch"
 
-    def _foresee(self, assessment: Assessment, estimate: Estimate) -> Margins | None:
-        """None where there is nothing to start from."""
-        if assessment.at.status != SOLVED or not isfinite(sum(estimate.velocity)):
-            return None
-        return self._foresight.foresee(
-            assessment.at, estimate.velocity, estimate.ahead_s, acceleration=estimate.acceleration
-        )
+    def _assess(self, estimate: Estimate) -> Assessment:
+        """The posture. After a silence the branch is known if no Type 2 singularity can have been met meanwhile."""
+        silence, lost, at = estimate.silence, estimate.branch_lost, self._at
+        proved = silence is not None and not lost and at is not None
+        if proved and silence is not None and at is not None:
+            floor = self._bounds.least(at, silence.low, silence.high, (APART,))
+            if not floor[1] >= APART[0][1]:
+                proved, lost = False, "the robot may have met a Type 2 singularity while no samples came"
+        return self._assessor.assess(estimate.position, lost, proved=proved)
 
     def _escape(self, assessment: Assessment, found: list[Finding]) -> Floats:
         """Unit vector in joint space along which the margin that caused the stop grows most."""

@@ -8,11 +8,11 @@ from operator import le
 
 from irsbot_kinematics.mechanism import Coordinate
 from irsbot_msgs_py.records import Cause, Finding, Floats, Level
-from irsbot_supervisor.core.arrivals import SETTLING
 from irsbot_supervisor.core.assess import SOLVED, Assessment, Margins
-from irsbot_supervisor.core.estimator import Estimate
-from irsbot_supervisor.core.outlook import limits_of
+from irsbot_supervisor.core.estimation.estimate import Estimate
+from irsbot_supervisor.core.estimation.sample_interval import SETTLING
 from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.core.stopping import limits_of
 
 KINDS = (Cause.TYPE1, Cause.TYPE2, Cause.CONSTRAINT, Cause.LIMB)
 """The margins in the order of `assess.Margins`."""
@@ -50,26 +50,22 @@ class Policy:
     def judge(
         self, estimate: Estimate, assessment: Assessment, floor: Margins | None, reaction: Floats, held: int
     ) -> list[Finding]:
-        """Everything about one good sample that is not OK. floor: the margins until standstill, None where nobody
-        knows. held: sum of the causes that were found just before."""
-        if assessment.at.status != SOLVED:
+        """Everything about one good sample that is not OK. floor: the margins until standstill, None where there is no
+        posture. held: sum of the causes that were found just before."""
+        if assessment.at.status != SOLVED or floor is None:
             return [self._not_assembled(assessment), *self._branch(assessment)]
         findings = self._branch(assessment) if assessment.branch_fault else []
-        going, settled = floor is not None, estimate.steady_s >= self._settling
-        if not going:
-            findings.append(_finding(Cause.DEGRADED, Level.UNKNOWN, estimate.degraded))
-        if not settled:
+        if not estimate.steady_s >= self._settling:  # nobody knows how far it gets unseen, but where it is
             findings.append(self._unsettled(estimate.steady_s))
-        if floor is None or not settled:  # nobody knows where it goes to, but where it is
             floor = assessment.margins
         warn = self._warn
         if not (floor[0] >= warn[0] and floor[1] >= warn[1] and floor[2] >= warn[2] and floor[3] >= warn[3]):
             findings += self._margins(assessment.margins, floor)
         elif held & ANY_MARGIN:
             findings += self._lingering(floor, held)
-        if going and not all(map(le, map(abs, estimate.velocity), self._speed)):
+        if not all(map(le, map(abs, estimate.velocity), self._speed)):
             findings += self._speeding(estimate.velocity)
-        if going and estimate.degraded:
+        if estimate.degraded:
             findings.append(_finding(Cause.DEGRADED, Level.WARN, estimate.degraded))
         if self._reaction_level:
             findings += self._reactions(reaction, assessment.at.sines)
@@ -82,7 +78,7 @@ class Policy:
                 continue
             level, limit = (Level.WARN, warn) if least >= stop else (Level.STOP, stop)
             if value >= limit:
-                falls = f"would fall to {least:.4f}" if least > 0.0 else "cannot be shown not to vanish"
+                falls = f"may fall to {least:.4f}" if least > 0.0 else "cannot be shown not to vanish"
                 text = f"{WORDS[kind]} {value:.4f} {falls} before standstill, limit {limit:.4f}"
                 findings.append(Finding(kind | Cause.BRAKING, level, least, limit, "1", text))
             else:
@@ -102,7 +98,7 @@ class Policy:
     def _speeding(self, velocity: Floats) -> list[Finding]:
         findings = []
         for name, rate, limit, unit in zip(self._names, velocity, self._speed, self._units, strict=True):
-            if not abs(rate) <= limit:
+            if abs(rate) > limit:
                 text = f"joint '{name}' moves at {rate:.4g} {unit}, limit {limit:.4g}"
                 findings.append(Finding(Cause.SPEED, Level.WARN, abs(rate), limit, unit, text))
         return findings

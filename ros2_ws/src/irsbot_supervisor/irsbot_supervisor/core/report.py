@@ -9,11 +9,12 @@ from irsbot_kinematics import Mechanism, statics
 from irsbot_kinematics.arithmetic import FLOATS
 from irsbot_msgs_py.records import Floats, JointSample, Level, SingularityState, unknown_state
 from irsbot_supervisor.core.assess import Assessment, Margins
-from irsbot_supervisor.core.estimator import Estimate
+from irsbot_supervisor.core.estimation.estimate import Estimate
 from irsbot_supervisor.core.intake import S
-from irsbot_supervisor.core.outlook import limits_of, position_error
 from irsbot_supervisor.core.policy import KINDS, OBSERVABLE
+from irsbot_supervisor.core.reach import position_error
 from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.core.stopping import limits_of
 
 _NOTHING = (nan, nan, nan, nan)
 

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
 from math import isfinite, pi
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +19,9 @@ from irsbot_kinematics import Mechanism, Posture
 from irsbot_kinematics.batch import Evaluations, evaluate_many
 from irsbot_kinematics.mechanism import Coordinate, Floats, Signs
 from irsbot_supervisor.core.assess import SOLVED, margins_of
-from irsbot_supervisor.core.outlook import PATIENT_CUTS, Foresight, limits_of
-
-if TYPE_CHECKING:
-    from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.core.estimation.estimate import Speeds
+from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.core.stopping import StoppingPredictor, limits_of
 
 Array = NDArray[np.float64]
 
@@ -58,7 +57,7 @@ class Room(NamedTuple):
     """The fastest motion that can be stopped from a posture before a stop limit is reached."""
 
     at: Posture
-    share: float  # of the velocity limits; 0 where the errors alone take a margin below its limit
+    share: float  # of the velocity limits; 0 where the robot cannot be stopped in time even from rest
     travel: Floats  # rad or m each joint takes to stop from that motion
     kind: int  # the margin that ends it, in the order of `assess.Margins`; -1: nothing ends it in the range looked at
 
@@ -118,13 +117,17 @@ def room(
     places: at least one. patterns: share of its velocity limit that each joint has at share 1, with its sign.
     ahead_s: how long the robot goes on unseen. most: share at which the search ends.
     """
-    seer, stop = Foresight(settings, mechanism, PATIENT_CUTS), limits_of(settings, "stop")
+    predictor, stop = StoppingPredictor(settings, mechanism, patient=True), limits_of(settings, "stop")
+
+    def speeds(pattern: Floats, share: float) -> Speeds:
+        rates = [share * p * v for p, v in zip(pattern, settings.velocity_limit, strict=True)]
+        return Speeds(tuple([max(rate, 0.0) for rate in rates]), tuple([max(-rate, 0.0) for rate in rates]))
 
     def ends(at: Posture, share: float) -> int:
         """The margin that ends a motion of this share, -1 for none."""
         for pattern in patterns:
-            rates = tuple([share * p * v for p, v in zip(pattern, settings.velocity_limit, strict=True)])
-            spare = [have - want for have, want in zip(seer.foresee(at, rates, ahead_s, stop), stop, strict=True)]
+            floor = predictor.predict(at, speeds(pattern, share), ahead_s, stop)
+            spare = [have - want for have, want in zip(floor, stop, strict=True)]
             if not min(spare) >= 0.0:
                 return spare.index(min(spare))
         return -1
@@ -137,6 +140,9 @@ def room(
         if kind < 0:
             low = most
             break
+        if low == 0.0 and (still := ends(at, 0.0)) >= 0:
+            kind = still
+            continue
         while high > 2.0 * low and high > LEAST_SHARE and (found := ends(at, 0.5 * high)) >= 0:
             high, kind = 0.5 * high, found
         if not high > LEAST_SHARE:
@@ -148,8 +154,8 @@ def room(
             low, high, kind = (middle, high, kind) if found < 0 else (low, middle, found)
     if best is None:
         raise ValueError("room needs a posture to start from")
-    fastest = tuple([low * max(abs(p[k]) for p in patterns) * v for k, v in enumerate(settings.velocity_limit)])
-    return Room(best, low, seer.way(best, fastest, ahead_s).travel, kind)
+    most_of_all = tuple([max(abs(p[k]) for p in patterns) for k in range(len(mechanism.joints))])
+    return Room(best, low, tuple(predictor.travel(speeds(most_of_all, low), ahead_s)[0]), kind)
 
 
 def margins_of_many(found: Evaluations) -> Array:

@@ -10,11 +10,14 @@ from sys import float_info
 from typing import Any
 
 from irsbot_kinematics import Robot
-from irsbot_supervisor.core.limits import contradictions
 
 LEAST_LIMIT = 1e-3
 """1: a limit of 0 would accept a margin of 0, which is singular, and means nothing could be proved where it is a bound.
 """
+
+
+OVERSPEED = 1.25
+"""1: a joint that moves this much faster than its limit between two samples has not moved: the reading is wrong."""
 
 
 class InvalidSettings(ValueError):
@@ -25,8 +28,8 @@ def _number(default: float, unit: str, text: str, low: float, high: float) -> An
     return field(default=default, metadata={"unit": unit, "text": text, "low": low, "high": high})
 
 
-def _each_joint(unit: str, text: str, low: float, high: float) -> Any:
-    metadata = {"unit": unit, "text": text, "low": low, "high": high, "each_joint": True}
+def _each_joint(unit: str, text: str, low: float, high: float, *, optional: bool = False) -> Any:
+    metadata = {"unit": unit, "text": text, "low": low, "high": high, "each_joint": True, "optional": optional}
     return field(default=(), metadata=metadata)
 
 
@@ -60,8 +63,15 @@ class Settings:
     hysteresis: float = _number(0.05, "1", "a warning ends when the margin is this share above its limit", 0.0, 1.0)
     dwell_s: float = _number(0.05, "s", "a level falls only after it has been lower for this long", 0.0, 10.0)
     velocity_limit: tuple[float, ...] = _each_joint("rad/s or m/s", "fastest motion of each joint", 1e-6, 1e4)
-    deceleration_limit: tuple[float, ...] = _each_joint("rad/s2 or m/s2", "braking of each joint", 1e-6, 1e6)
+    acceleration_limit: tuple[float, ...] = _each_joint(
+        "rad/s2 or m/s2", "fastest speeding up of each joint; empty: as deceleration_limit", 1e-6, 1e6, optional=True
+    )
+    deceleration_limit: tuple[float, ...] = _each_joint("rad/s2 or m/s2", "least braking of each joint", 1e-6, 1e6)
+    velocity_tolerance: tuple[float, ...] = _each_joint(
+        "rad/s or m/s", "largest error of reported velocities; empty: they are not trusted", 0.0, 1e4, optional=True
+    )
     latency_s: float = _number(0.01, "s", "from the arrival of a sample to the first braking of the joints", 0.0, 1.0)
+    stamp_jitter_s: float = _number(5e-5, "s", "largest error of a stamp against when positions were read", 0.0, 0.1)
     recovery_share: float = _number(0.05, "1", "share of the velocity limits for motion away from a stop", 1e-3, 0.5)
     command_timeout_s: float = _number(0.1, "s", "a velocity command through the gate counts for so long", 1e-3, 1.0)
     stale_s: float = _number(0.05, "s", "a good sample older than this is no knowledge", 0.001, 10.0)
@@ -69,7 +79,9 @@ class Settings:
     age_limit_s: float = _number(0.05, "s", "oldest acceptable stamp on arrival", 0.001, 10.0)
     future_limit_s: float = _number(0.02, "s", "how far ahead of our clock a stamp may be", 0.0, 10.0)
     standstill_speed: float = _number(0.02, "rad/s or m/s", "slower than this is standing still", 0.0, 10.0)
-    encoder_resolution: float = _number(1e-5, "rad or m", "smallest step of a joint position", 0.0, 0.1)
+    encoder_resolution: float = _number(
+        1e-5, "rad or m", "smallest step, and largest noise, of a joint position", 0.0, 0.1
+    )
     encoder_offset: float = _number(0.0, "rad or m", "largest error of a joint's zero", 0.0, 0.1)
     geometry_tolerance_m: float = _number(0.0, "m", "largest error of a leg's length and place", 0.0, 0.1)
     load_force_n: float = _number(10.0, "N", "force on the platform for reaction_max, besides the payload", 0.0, 1e6)
@@ -85,19 +97,9 @@ class Settings:
         return hashlib.sha256(json.dumps(asdict(self), sort_keys=True).encode()).hexdigest()[:16]
 
 
-def settings_from(values: Mapping[str, Any], robot: Robot) -> Settings:
-    """Settings from a mapping (YAML, parameters, journal), completed for a robot and checked as a whole.
-
-    Raises InvalidSettings naming every fault.
-    """
-    settings = completed(values, robot)
-    if faults := contradictions(settings, robot.mechanism):
-        raise InvalidSettings("; ".join(faults))
-    return settings
-
-
 def completed(values: Mapping[str, Any], robot: Robot) -> Settings:
-    """The same without asking whether the robot could be stopped in time.
+    """Settings from a mapping (YAML, parameters, journal), completed for a robot and checked one by one. `feasible`
+    checks besides whether the robot could be stopped in time.
 
     Empty names and modes become the robot's; one limit for all joints is repeated. Raises InvalidSettings.
     """
@@ -112,6 +114,7 @@ def completed(values: Mapping[str, Any], robot: Robot) -> Settings:
         "joint_names": tuple(joint.name for joint in robot.mechanism.joints),
         "working_mode": robot.mechanism.usual_working_mode,
         "assembly_mode": robot.mechanism.usual_assembly_mode,
+        "acceleration_limit": given.get("deceleration_limit", ()),
     }
     given.update({name: value for name, value in usual.items() if _is_open(given.get(name))})
     settings = Settings(**given)
@@ -121,7 +124,7 @@ def completed(values: Mapping[str, Any], robot: Robot) -> Settings:
 
 
 def _is_open(value: Any) -> bool:
-    """Whether names or modes are left to the robot: nothing said, an empty list, or the number 0."""
+    """Whether a value is left to the robot or to another setting: nothing said, an empty list, or the number 0."""
     return value is None or value == () or (type(value) is int and value == 0)
 
 
@@ -143,6 +146,8 @@ def _single_faults(settings: Settings, n: int) -> list[str]:
         value = getattr(settings, entry.name)
         each = value if isinstance(value, tuple) else (value,)
         words, low, high, unit = (entry.metadata.get(key) for key in ("words", "low", "high", "unit"))
+        if entry.metadata.get("optional") and value == ():
+            continue
         if entry.metadata.get("each_joint") and len(each) != n:
             faults.append(f"{entry.name} has {len(each)} values, must have {n}, one per joint")
         elif isinstance(value, tuple) != isinstance(entry.default, tuple):

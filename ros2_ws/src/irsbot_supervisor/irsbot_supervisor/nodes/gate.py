@@ -137,7 +137,8 @@ class CommandGate:
             self._hold("the state of the robot is not known")
             return
         share, limits = self._gate.share(view), self._gate.limits(view)
-        situation = Situation(view.at, view.velocity, share, limits)
+        ahead_s = view.ahead_s if view.judgement.level < Level.STOP else None
+        situation = Situation(view.at, view.velocity, share, limits, ahead_s)
         self._drop()
         self._work.put((command, situation, self._stops))
 

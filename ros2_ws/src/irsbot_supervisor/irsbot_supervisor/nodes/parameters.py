@@ -10,7 +10,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from irsbot_kinematics import Robot
-from irsbot_supervisor.core.settings import Settings, settings_from
+from irsbot_supervisor.core.limits import settings_from
+from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.settings_file import read_settings, robot_of, shipped_values
 
 

@@ -1,0 +1,181 @@
+"""Accepted samples in, estimates out: the detectors and the observer in their order."""
+
+from __future__ import annotations
+
+from irsbot_kinematics.mechanism import Coordinate
+from irsbot_msgs_py.records import Cause, Floats
+from irsbot_supervisor.core.estimation.clock_steps import passed_s, stamped_s, was_set
+from irsbot_supervisor.core.estimation.estimate import Estimate, Silence, Speeds
+from irsbot_supervisor.core.estimation.frozen import Frozen, Suspicion
+from irsbot_supervisor.core.estimation.jumps import Jumps
+from irsbot_supervisor.core.estimation.observer import Observer
+from irsbot_supervisor.core.estimation.reported import Reported
+from irsbot_supervisor.core.estimation.sample_interval import Gaps, SecondLargest
+from irsbot_supervisor.core.intake import Accepted, Rejected, S
+from irsbot_supervisor.core.reach import Reach
+from irsbot_supervisor.core.settings import Settings
+
+JUDGING_S = 0.005
+"""s: judging a sample takes no longer, if there is so much time between two: the work for one sample is bounded."""
+
+LEAD_NS = 10 * S
+"""ns for which it is remembered at least that a sender's clock is ahead of ours."""
+
+HARD = "a joint speeds up faster than acceleration_limit, or stamps are off by more than stamp_jitter_s"
+JUMPED = "a joint jumped farther than it can move"
+CERTAIN = Suspicion()
+
+
+class Estimator:
+    """Keeps the last good samples."""
+
+    def __init__(self, settings: Settings, joints: tuple[Coordinate, ...]) -> None:
+        self._gaps, self._leads = Gaps(), SecondLargest()
+        self._observer, self._reported = Observer(settings, joints), Reported(settings, joints)
+        self._jumps, self._frozen = Jumps(settings, joints), Frozen(settings, joints)
+        self._last: Estimate | None = None
+        self._before: Estimate | None = None  # the one before the last
+        self._rest: Floats = ()  # from where no joint has moved faster than the standstill speed
+        self._rest_ns = 0  # and since when
+        self.configure(settings)
+
+    def configure(self, settings: Settings) -> None:
+        """New limits; the last sample, and when samples have come, stay known."""
+        self._stale_s, self._heartbeat_s, self._latency_s = settings.stale_s, settings.heartbeat_s, settings.latency_s
+        self._slow, self._step = settings.standstill_speed, 2.0 * settings.encoder_resolution
+        self._reach = Reach(settings)
+        self._gaps.configure(settings.stale_s)
+        for part in (self._observer, self._reported, self._jumps, self._frozen):
+            part.configure(settings)
+
+    def update(self, sample: Accepted) -> Estimate | Rejected:
+        """The estimate for a sample, or why the sample contradicts the motion so far."""
+        last, jumps = self._last, self._jumps
+        if last is None:
+            return self._anew(sample, 0.0)
+        passed, stamped = passed_s(sample, last), stamped_s(sample, last)
+        clock_set = was_set(stamped, passed, self._stale_s)
+        span = passed if clock_set else max(passed, stamped)
+        if not jumps.away and self._last_was_wrong(sample, last, span):
+            return self._anew(sample, self._expected(sample, passed, passed), HARD)
+        if fault := jumps.fault(sample, last, span):
+            if passed > self._stale_s:  # no glitch: it stays there
+                return self._anew(sample, self._expected(sample, passed, passed), branch_lost=JUMPED)
+            return Rejected(Cause.IMPLAUSIBLE, fault)
+        if clock_set:
+            return self._anew(sample, self._expected(sample, passed, passed))
+        moved = jumps.moved(sample.position, last.position)
+        suspicion = self._frozen.look(sample, moved, stamped)
+        if suspicion.fault:
+            return Rejected(Cause.IMPLAUSIBLE, suspicion.fault)
+        expected = self._expected(sample, passed, stamped)
+        age_s = last.ahead_s - last.expected_s  # of the last sample, when it came
+        unseen_s = age_s + passed
+        if unseen_s > last.ahead_s + self._latency_s:
+            silence = self._unseen(last, moved, age_s, passed)
+            return self._anew(sample, expected, silence=silence, suspicion=suspicion)
+        speeds = self._observer.update(sample.stamp_ns, sample.position)
+        if speeds is None:
+            return self._anew(sample, expected, HARD, suspicion=suspicion)
+        return self._keep(sample, speeds, expected, suspicion=suspicion)
+
+    def _last_was_wrong(self, sample: Accepted, last: Estimate, span_s: float) -> bool:
+        """Whether a sample that cannot follow the last one follows the one before it: then the last was stamped late, by
+        a sender that was interrupted between reading and stamping."""
+        before = self._before
+        if before is None or not self._jumps.too_far(self._jumps.moved(sample.position, last.position), span_s):
+            return False
+        span = max((sample.stamp_ns - before.stamp_ns) / S, passed_s(sample, before))
+        if not 0.0 < span <= self._stale_s:
+            return False
+        ahead, back = self._reach.going(before.speeds, span)
+        moved = self._jumps.moved(sample.position, before.position)
+        errors = self._reach.errors
+        joints = zip(moved, ahead, back, errors, strict=True)
+        return all([-down - 2.0 * e <= way <= up + 2.0 * e for way, up, down, e in joints])
+
+    def _expected(self, sample: Accepted, passed_s: float, stamped_s: float) -> float:
+        """s until the next sample has come and been judged."""
+        expected = self._gaps.expected(sample.seen_ns, passed_s, stamped_s)
+        return expected + min(expected, JUDGING_S)
+
+    def _unseen(self, last: Estimate, moved: Floats, age_s: float, passed_s: float) -> Silence:
+        """Where joints have been that went `moved` unseen. They brake as soon as the silence is known to be one. On
+        the way from one end to the other no joint is farther beyond them than half of what its way was longer."""
+        free_s = age_s + min(passed_s, self._stale_s + self._heartbeat_s) + self._latency_s
+        ahead, back = self._reach.until_rest(last.speeds, free_s)
+        low, high = [], []
+        joints = zip(
+            last.position, moved, ahead, back, self._reach.longest(age_s + passed_s), self._reach.errors, strict=True
+        )
+        for q, way, up, down, longest, e in joints:
+            beyond = max(0.5 * (longest - abs(way)), 0.0)
+            low.append(q + max(min(way, 0.0) - beyond, min(-down, way)) - e)
+            high.append(q + min(max(way, 0.0) + beyond, max(up, way)) + e)
+        return Silence(tuple(low), tuple(high))
+
+    def _anew(
+        self,
+        sample: Accepted,
+        expected_s: float,
+        degraded: str = "",
+        branch_lost: str = "",
+        silence: Silence | None = None,
+        suspicion: Suspicion = CERTAIN,
+    ) -> Estimate:
+        """Positions and stamps before the sample tell no velocities."""
+        self._jumps.restart()
+        self._reported.restart()
+        if suspicion is CERTAIN:
+            self._frozen.restart()
+        speeds = self._observer.restart(sample.stamp_ns, sample.position)
+        return self._keep(sample, speeds, expected_s, degraded, branch_lost, silence, suspicion)
+
+    def _keep(
+        self,
+        sample: Accepted,
+        speeds: Speeds,
+        expected_s: float,
+        degraded: str = "",
+        branch_lost: str = "",
+        silence: Silence | None = None,
+        suspicion: Suspicion = CERTAIN,
+    ) -> Estimate:
+        age = sample.received_ns - sample.stamp_ns
+        if age < 0 or self._leads.any:  # a sender whose clock is ahead: its samples are older than they say
+            age += round(self._leads.second(sample.seen_ns, max(-age, 0), LEAD_NS))
+        if suspicion.speeds:  # a joint whose position may be frozen may move as it says
+            speeds = Speeds(
+                tuple(map(max, speeds.forward, suspicion.speeds)),
+                tuple([max(speed, -said) for speed, said in zip(speeds.backward, suspicion.speeds, strict=True)]),
+            )
+        velocities = self._reported.look(sample, speeds)
+        estimate = Estimate(
+            sample.stamp_ns,
+            sample.received_ns,
+            sample.seen_ns,
+            sample.position,
+            velocities.rates,
+            sample.effort,
+            self._reported.trusted(sample, velocities, speeds),
+            degraded or velocities.fault,
+            expected_s + (age / S if age > 0 else 0.0),
+            expected_s,
+            self._gaps.steady_s(sample.seen_ns),
+            0.0 if suspicion.speeds else self._standing_s(sample),
+            branch_lost or suspicion.branch_lost,
+            silence,
+        )
+        self._before, self._last = self._last, estimate
+        return estimate
+
+    def _standing_s(self, sample: Accepted) -> float:
+        """s for which every joint has been where the standstill speed can have brought it."""
+        elapsed = (sample.seen_ns - self._rest_ns) / S
+        if self._rest:
+            moved = self._jumps.moved(sample.position, self._rest)
+            most = self._slow * elapsed + self._step
+            if all([-most <= way <= most for way in moved]):
+                return elapsed
+        self._rest, self._rest_ns = sample.position, sample.seen_ns
+        return 0.0

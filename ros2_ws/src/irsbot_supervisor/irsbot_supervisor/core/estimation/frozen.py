@@ -1,0 +1,99 @@
+"""Frozen encoders: a position that stands still while the message reports one long motion.
+
+Only the message can tell: its velocities come from another place than its positions, or from a filter that runs on.
+A filter lags behind a stop, so what it reports after a stop is allowed for.
+"""
+
+from __future__ import annotations
+
+from math import inf, isfinite, remainder
+from typing import NamedTuple
+
+from irsbot_kinematics.mechanism import Coordinate
+from irsbot_msgs_py.records import Floats
+from irsbot_supervisor.core.intake import Accepted, S
+from irsbot_supervisor.core.settings import OVERSPEED, Settings
+
+FROZEN_S = 0.02
+"""s: a position that stands still this long while the message reports motion is frozen. Filtered velocities lag behind
+less, so that what they report after a stop is less than a joint at full braking goes in this time."""
+
+RESTED_S = 1.0
+"""s: an encoder that was frozen and still stands although the message has reported rest for so long may be sound, as
+after a stop that was faster than the filter of the velocities; or it may not. An operator can look."""
+
+
+class _Still(NamedTuple):
+    """A joint whose position stands while the message reports motion."""
+
+    where: float  # rad or m
+    since_ns: int  # since when it stands; of a frozen one since when the message reports rest
+    way: float  # rad or m: what the message has reported meanwhile; infinite once it is frozen
+
+
+class Suspicion(NamedTuple):
+    """What is to be thought of the positions of a sample."""
+
+    fault: str = ""  # why they are no knowledge
+    branch_lost: str = ""  # why nobody knows the branch any more
+    speeds: Floats = ()  # rad/s or m/s as reported of joints that may be frozen, 0 of the others; empty for none
+
+
+class Frozen:
+    """Looks at one sample after the other."""
+
+    def __init__(self, settings: Settings, joints: tuple[Coordinate, ...]) -> None:
+        self._turns = tuple(joint.turn for joint in joints)
+        self._still: dict[int, _Still] = {}
+        self.configure(settings)
+
+    def configure(self, settings: Settings) -> None:
+        """New limits; what stands still is remembered."""
+        self._names = settings.joint_names
+        self._slow, self._step = settings.standstill_speed, 2.0 * settings.encoder_resolution
+        self._fastest = tuple(OVERSPEED * speed for speed in settings.velocity_limit)
+        self._most = tuple([0.5 * d * FROZEN_S * FROZEN_S + self._step for d in settings.deceleration_limit])
+        self._stale_ns = round(settings.stale_s * S)
+
+    def restart(self) -> None:
+        """Nothing before counts."""
+        self._still = {}
+
+    def look(self, sample: Accepted, moved: Floats, dt: float) -> Suspicion:
+        """What is to be thought of a sample whose positions `moved` (rad or m) in `dt` s since the last."""
+        said = sample.velocity
+        if not said or (not self._still and all([abs(step) > self._step for step in moved])):
+            return Suspicion()
+        lost, fault, speeds = "", "", [0.0] * len(moved)
+        for k, (step, rate, fastest) in enumerate(zip(moved, said, self._fastest, strict=True)):
+            now, still = sample.position[k], self._still.pop(k, None)
+            before = still or _Still(now - step, sample.seen_ns, 0.0)
+            if (
+                abs(remainder(now - before.where, self._turns[k])) > self._step
+            ):  # more than a flickering digit: it moves
+                continue
+            moves = isfinite(rate) and self._slow < abs(rate) <= fastest
+            if before.way == inf:
+                since_ns = sample.seen_ns if moves else before.since_ns
+                if sample.seen_ns - since_ns > RESTED_S * S:
+                    lost = f"joint '{self._names[k]}' may have moved while its position was frozen"
+                    continue
+                self._still[k] = before._replace(since_ns=since_ns)
+                fault = fault or self._frozen(k)
+                continue
+            way, most = before.way, self._most[k]
+            if abs(way) <= most:
+                way = way + rate * dt if moves and rate * way >= 0.0 else 0.0
+            if way == 0.0:
+                continue
+            self._still[k] = before._replace(way=way)
+            speeds[k] = rate if moves else 0.0
+            still_ns = sample.seen_ns - before.since_ns
+            long_way = abs(way) > most and still_ns > FROZEN_S * S
+            if long_way or (abs(way) > 2.0 * self._step and moves and still_ns > self._stale_ns):
+                self._still[k] = _Still(before.where, sample.seen_ns, inf)
+                fault = fault or self._frozen(k)
+        return Suspicion(fault, lost, tuple(speeds) if any(speeds) else ())
+
+    def _frozen(self, k: int) -> str:
+        return f"the position of joint '{self._names[k]}' is frozen while the message reports motion"

@@ -1,0 +1,109 @@
+"""Bounds of joint velocities from positions and stamps alone: a bounded-error (set-membership) observer.
+
+Assumptions, per joint: its speed grows with at most a and never exceeds V; slowing down may be as hard as it likes.
+Positions are wrong by at most e, stamps by at most tau; then a position belongs to its stamp within e + tau V.
+
+A joint that moves at v now and gained all of it, moved at least v - a s a time s ago, as long as that is positive. If
+v > a D, it went at least v D - a D^2/2 in the time D. So from two positions D apart, D > 0,
+
+    v <= max((p_now - p_then + 2 (e + tau V))/D + a D/2,  a D),    v <= v_before + a D,    v <= V
+
+The second value of the first bound is for a joint that moved backward and was stopped hard within D. The bounds are
+least over times of about sqrt(4 (e + tau V)/a); a few positions up to that time are kept.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from math import remainder, sqrt
+
+from irsbot_kinematics.mechanism import Coordinate
+from irsbot_msgs_py.records import Floats
+from irsbot_supervisor.core.estimation.estimate import Speeds
+from irsbot_supervisor.core.intake import S
+from irsbot_supervisor.core.settings import Settings
+
+
+class Observer:
+    """Keeps the positions of the last few milliseconds. Angles are compared modulo a turn."""
+
+    def __init__(self, settings: Settings, joints: tuple[Coordinate, ...]) -> None:
+        self._turns = tuple(joint.turn for joint in joints)
+        self._kept: deque[tuple[int, Floats]] = deque()
+        self.configure(settings)
+
+    def configure(self, settings: Settings) -> None:
+        """New limits; the positions stay."""
+        self._fastest, self._gains = settings.velocity_limit, settings.acceleration_limit
+        errors = [0.5 * settings.encoder_resolution + settings.stamp_jitter_s * v for v in self._fastest]
+        self._errors = tuple([2.0 * error for error in errors])
+        window_s = max(sqrt(4.0 * e / a) for e, a in zip(errors, self._gains, strict=True))
+        self._window_ns = round(window_s * S)
+        self._any = Speeds(self._fastest, self._fastest)
+        self._speeds = self._any
+
+    def restart(self, stamp_ns: int, position: Floats) -> Speeds:
+        """Nothing before counts: every joint may be as fast as it can."""
+        self._kept.clear()
+        self._kept.append((stamp_ns, position))
+        self._speeds = self._any
+        return self._any
+
+    def update(self, stamp_ns: int, position: Floats) -> Speeds | None:
+        """Bounds with one more position, stamped later than the last; None if a joint has gone farther than it can with
+        its earlier speed and acceleration limit."""
+        kept, last = self._kept, self._speeds
+        if not kept:
+            return self.restart(stamp_ns, position)
+        dt = (stamp_ns - kept[-1][0]) / S
+        limits = list(zip(self._gains, self._fastest, strict=True))
+        forward = [min(speed + gain * dt, most) for speed, (gain, most) in zip(last.forward, limits, strict=True)]
+        backward = [min(speed + gain * dt, most) for speed, (gain, most) in zip(last.backward, limits, strict=True)]
+        back, count = 1, len(kept)
+        while True:
+            then_ns, then = kept[-back]
+            span = (stamp_ns - then_ns) / S
+            joints = zip(position, then, self._turns, self._errors, self._gains, strict=True)
+            for j, (now, before, turn, error, gain) in enumerate(joints):
+                mean, gained = remainder(now - before, turn) / span, gain * span
+                rest = error / span + 0.5 * gained
+                up, down = mean + rest, rest - mean
+                # mean - error/span - a D/2 is the least speed with which the joint can have set out.
+                if back == 1 and not (-down <= last.forward[j] and -up <= last.backward[j]):
+                    return None
+                up, down = (up if up > gained else gained), (down if down > gained else gained)
+                if up < forward[j]:
+                    forward[j] = up
+                if down < backward[j]:
+                    backward[j] = down
+            if back == count or stamp_ns - then_ns >= self._window_ns:
+                break
+            back = min(2 * back, count)
+        while count > 1 and stamp_ns - kept[1][0] >= self._window_ns:
+            kept.popleft()
+            count -= 1
+        kept.append((stamp_ns, position))
+        self._speeds = Speeds(tuple(forward), tuple(backward))
+        return self._speeds
+
+    def mean(self, position: Floats) -> Floats:
+        """rad/s or m/s over the positions that are kept; empty if there is only one. `position`: the newest."""
+        (then_ns, then), (now_ns, _) = self._kept[0], self._kept[-1]
+        if not now_ns > then_ns:
+            return ()
+        span = (now_ns - then_ns) / S
+        return tuple([remainder(a - b, turn) / span for a, b, turn in zip(position, then, self._turns, strict=True)])
+
+
+def excess(settings: Settings, period_s: float) -> Floats:
+    """rad/s or m/s by which the bounds exceed the true speeds at most, if samples come every `period_s` and the joints
+    brake no harder than configured: 4 e/D + (a + d) D/2 for the best multiple D of the period."""
+    found = []
+    limits = zip(settings.velocity_limit, settings.acceleration_limit, settings.deceleration_limit, strict=True)
+    for fastest, gain, brake in limits:
+        error = 0.5 * settings.encoder_resolution + settings.stamp_jitter_s * fastest
+        span, best = period_s, fastest
+        while period_s > 0.0 and (more := 4.0 * error / span + 0.5 * (gain + brake) * span) < best:
+            best, span = more, 2.0 * span
+        found.append(best)
+    return tuple(found)

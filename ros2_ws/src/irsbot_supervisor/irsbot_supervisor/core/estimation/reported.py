@@ -1,0 +1,92 @@
+"""Reported velocities against what positions allow.
+
+Now a joint moves within the observer's bounds. And with what it reported at an earlier sample, v, it went no farther
+than w <= (max(v, 0) + a D/2) D in the time D since, errors of positions and stamps added; the signs exchanged likewise.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from math import isfinite, nan, remainder
+from typing import NamedTuple
+
+from irsbot_kinematics.mechanism import Coordinate
+from irsbot_msgs_py.records import Floats
+from irsbot_supervisor.core.estimation.estimate import Speeds
+from irsbot_supervisor.core.intake import Accepted, S
+from irsbot_supervisor.core.settings import Settings
+
+
+class Velocities(NamedTuple):
+    """Rates of the joints, rad/s or m/s."""
+
+    rates: Floats  # as reported, else from positions; NaN where neither tells
+    fault: str  # empty, or which report is missing, no number, or contradicts the positions
+
+
+class Reported:
+    """Keeps what was reported with the positions of the last few milliseconds."""
+
+    def __init__(self, settings: Settings, joints: tuple[Coordinate, ...]) -> None:
+        self._turns = tuple(joint.turn for joint in joints)
+        self._units = tuple(joint.unit for joint in joints)
+        self._kept: deque[Accepted] = deque()
+        self.configure(settings)
+
+    def configure(self, settings: Settings) -> None:
+        """New limits."""
+        self._names, self._gains = settings.joint_names, settings.acceleration_limit
+        self._trust = bool(settings.velocity_tolerance)
+        slow = settings.standstill_speed
+        self._tolerances = settings.velocity_tolerance or (slow,) * len(self._names)
+        errors = [0.5 * settings.encoder_resolution + settings.stamp_jitter_s * v for v in settings.velocity_limit]
+        self._errors = tuple([2.0 * error for error in errors])
+        self._windows_ns = tuple(
+            [round((4.0 * error / gain) ** 0.5 * S) for error, gain in zip(errors, self._gains, strict=True)]
+        )
+
+    def restart(self) -> None:
+        """Nothing before counts."""
+        self._kept.clear()
+
+    def look(self, sample: Accepted, speeds: Speeds) -> Velocities:
+        """What to say about the rates of a sample whose speeds are bounded."""
+        kept, said = self._kept, sample.velocity
+        kept.append(sample)
+        while len(kept) > 2 and sample.stamp_ns - kept[1].stamp_ns >= max(self._windows_ns):
+            kept.popleft()
+        then = kept[0]
+        span = (sample.stamp_ns - then.stamp_ns) / S
+        rates, fault = [], "" if said else "the message has no velocities"
+        bounds = zip(speeds.forward, speeds.backward, self._gains, self._errors, self._tolerances, strict=True)
+        for j, (forward, backward, gain, error, tolerance) in enumerate(bounds):
+            mean = nan
+            if span > 0.0:
+                mean = remainder(sample.position[j] - then.position[j], self._turns[j]) / span
+            if not said:
+                rates.append(mean)
+                continue
+            rate = said[j]
+            if not isfinite(rate):
+                rates.append(mean)
+                fault = fault or f"the velocity of joint '{self._names[j]}' is {rate}"
+                continue
+            right = -backward - tolerance <= rate <= forward + tolerance
+            if right and span > 0.0 and then.velocity:
+                begin, least = then.velocity[j], error / span + 0.5 * gain * span + tolerance
+                right = mean - least <= max(begin, 0.0) and -mean - least <= max(-begin, 0.0)
+            rates.append(rate if right else mean)
+            if not right and not fault:
+                unit = self._units[j]
+                fault = f"joint '{self._names[j]}' reports {rate:.4g} {unit}/s but its position moves at {mean:.4g} {unit}/s"
+        return Velocities(tuple(rates), fault)
+
+    def trusted(self, sample: Accepted, found: Velocities, speeds: Speeds) -> Speeds:
+        """Bounds that are narrowed by what is reported, as far as a setting says how wrong that can be."""
+        if not self._trust or found.fault or not sample.velocity:
+            return speeds
+        joints = list(zip(sample.velocity, self._tolerances, strict=True))
+        return Speeds(
+            tuple([min(most, max(rate + e, 0.0)) for most, (rate, e) in zip(speeds.forward, joints, strict=True)]),
+            tuple([min(most, max(e - rate, 0.0)) for most, (rate, e) in zip(speeds.backward, joints, strict=True)]),
+        )

@@ -1,0 +1,182 @@
+"""What a robot keeps of its margins until it stands, whatever its drives do: certified minima over the reachable box.
+
+`reach` says how far every joint can get until it stands. The mechanism bounds its margins from below over boxes of
+joint positions. One box usually settles the question; where it does not, the box is cut, the worst part further. What
+is not proved within the allowed number of cuts counts as lost.
+"""
+
+from __future__ import annotations
+
+from math import inf
+from operator import add, sub
+from typing import TYPE_CHECKING, NamedTuple
+
+from irsbot_kinematics import Guarantee, Mechanism, Posture
+from irsbot_msgs_py.records import Floats
+from irsbot_supervisor.core.assess import SOLVED, Margins, margins_of
+from irsbot_supervisor.core.estimation.estimate import Speeds
+from irsbot_supervisor.core.reach import Reach
+
+if TYPE_CHECKING:
+    from irsbot_supervisor.core.settings import Settings
+
+CUTS, MORE_CUTS = 16, 24
+"""How often the box of one sample is cut at most to prove that no warning is due, and how often further before a robot
+is stopped for a bound alone. While that is computed the robot goes on: more cuts take longer than a period at 1 kHz."""
+
+PATIENT_CUTS = 60
+"""The same where no robot waits for the answer."""
+
+
+class Box(NamedTuple):
+    """Joint positions around a posture."""
+
+    at: Posture  # in the middle
+    half: Floats  # rad or m, half extents
+    floor: Margins  # certified
+
+
+class BoxBounds:
+    """Certified minima of the margins of one mechanism over boxes of joint positions."""
+
+    def __init__(self, mechanism: Mechanism, slack_m: float) -> None:
+        self._mechanism, self._slack_m = mechanism, slack_m
+
+    def around(self, at: Posture, half: Floats) -> Margins:
+        """The quickest bounds over the box around a posture."""
+        return floor_of(self._mechanism.guarantee(at, half, self._slack_m))
+
+    def least(self, near: Posture, low: Floats, high: Floats, goals: tuple[tuple[Margins, int], ...]) -> Margins:
+        """Bounds over low..high (rad or m). near: a posture of the branch that goes on in the box. goals: bounds that
+        suffice and how many cuts may be made for them, the highest first."""
+        middle = tuple([0.5 * (a + b) for a, b in zip(low, high, strict=True)])
+        first = self._box(near, middle, tuple([0.5 * (b - a) for a, b in zip(low, high, strict=True)]), goals[0][0])
+        if first is None:
+            return nothing_of(near)
+        boxes, floor = [first], first.floor
+        for wanted, cuts in goals:
+            for _ in range(cuts):
+                worst = min(boxes, key=lambda box: spare_of(box.floor, wanted))
+                if not (spare_of(worst.floor, wanted) < 0.0 and spare_of(margins_of(worst.at), wanted) >= 0.0):
+                    break  # proved, or there is nothing to be proved
+                boxes.remove(worst)
+                halves = self._cut(worst, wanted)
+                if None in halves:
+                    return nothing_of(near)
+                boxes += [half for half in halves if half]
+            floor = lowest([box.floor for box in boxes])
+            if spare_of(floor, wanted) >= 0.0:
+                break
+        return floor
+
+    def _cut(self, box: Box, wanted: Margins) -> list[Box | None]:
+        """Two halves, across the joint that moves its leg farthest."""
+        levers = zip(box.half, box.at.levers, strict=True)
+        lengths = [half * max(abs(lever), LEAST_LEVER * self._mechanism.length_m) for half, lever in levers]
+        joint = lengths.index(max(lengths))
+        half = tuple([0.5 * h if j == joint else h for j, h in enumerate(box.half)])
+        return [
+            self._box(
+                box.at,
+                tuple([q + sign * half[j] if j == joint else q for j, q in enumerate(box.at.joints)]),
+                half,
+                wanted,
+            )
+            for sign in (-1.0, 1.0)
+        ]
+
+    def _box(self, near: Posture, middle: Floats, half: Floats, wanted: Margins) -> Box | None:
+        """The bounds of first order, and of second order where those do not suffice; None where there is no posture."""
+        at = self._mechanism.track(middle, near)
+        if at.status != SOLVED:
+            return None
+        floor = floor_of(self._mechanism.guarantee(at, half, self._slack_m))
+        if spare_of(floor, wanted) < 0.0:
+            sharp = floor_of(self._mechanism.guarantee_sharp(at, half, self._slack_m))
+            floor = max(floor[0], sharp[0]), max(floor[1], sharp[1]), max(floor[2], sharp[2]), max(floor[3], sharp[3])
+        return Box(at, half, floor)
+
+
+LEAST_LEVER = 0.05
+"""1: a joint whose lever is smaller than this share of the robot's length counts as if it had that one."""
+
+
+class StoppingPredictor:
+    """Certified margins of one robot until it stands, under given settings."""
+
+    def __init__(self, settings: Settings, mechanism: Mechanism, patient: bool = False) -> None:
+        """patient: no robot waits for the answer."""
+        self._latency = settings.latency_s
+        self._bounds = BoxBounds(mechanism, settings.geometry_tolerance_m)
+        self._reach = Reach(settings)
+        warn, stop = limits_of(settings, "warn"), limits_of(settings, "stop")
+        self._usual = ((warn, PATIENT_CUTS), (stop, PATIENT_CUTS)) if patient else ((warn, CUTS), (stop, MORE_CUTS))
+        self._warn = warn
+
+    def predict(
+        self,
+        at: Posture,
+        speeds: Speeds,
+        ahead_s: float,
+        wanted: Margins | None = None,
+        moved: tuple[Floats, Floats] | None = None,
+    ) -> Margins:
+        """Certified smallest margins until standstill from a solved posture, whatever the joints do for `ahead_s` and
+        the latency before they brake; errors of encoders, stamps and geometry included.
+
+        wanted: bounds that high are good enough; the warning limits, then the stop limits, if left out. moved: from
+        where to where (rad or m, relative) the joints may get before `ahead_s` begins; none if left out.
+        """
+        forward, backward = self._reach.until_rest(speeds, ahead_s + self._latency)
+        if not sum(forward) + sum(backward) < inf:
+            return nothing_of(at)
+        forward, backward = list(map(add, forward, self._reach.errors)), list(map(add, backward, self._reach.errors))
+        if moved is not None:
+            forward, backward = list(map(add, forward, moved[1])), list(map(sub, backward, moved[0]))
+        goals = self._usual if wanted is None else ((wanted, PATIENT_CUTS),)
+        floor = self._bounds.around(at, tuple(map(max, forward, backward)))
+        if spare_of(floor, goals[0][0]) >= 0.0:
+            return floor
+        return self._bounds.least(at, tuple(map(sub, at.joints, backward)), tuple(map(add, at.joints, forward)), goals)
+
+    def along(self, at: Posture, rates: Floats, ahead_s: float, wanted: Margins) -> Margins:
+        """Certified smallest margins until standstill if every joint goes on at its rate (rad/s or m/s) for `ahead_s` and
+        the latency, and then brakes: no guarantee against drives that do otherwise."""
+        forward, backward = self._reach.until_rest_from(rates, ahead_s + self._latency)
+        low, high = list(map(sub, at.joints, backward)), list(map(add, at.joints, forward))
+        low, high = list(map(sub, low, self._reach.errors)), list(map(add, high, self._reach.errors))
+        return self._bounds.least(at, tuple(low), tuple(high), ((wanted, PATIENT_CUTS),))
+
+    def travel(self, speeds: Speeds, ahead_s: float) -> tuple[list[float], list[float]]:
+        """rad or m that the joints get forward and backward until they stand."""
+        return self._reach.until_rest(speeds, ahead_s + self._latency)
+
+
+def lowest(floors: list[Margins]) -> Margins:
+    """The smallest of each margin."""
+    type1, type2, constraint, limb = map(min, zip(*floors, strict=True))
+    return type1, type2, constraint, limb
+
+
+def spare_of(have: Margins, want: Margins) -> float:
+    """What the worst margin has above what is wanted."""
+    spare: float = min(map(sub, have, want))
+    return spare
+
+
+def floor_of(guarantee: Guarantee) -> Margins:
+    """A guarantee as four margins; infinite where the mechanism has none."""
+    type1, type2, constraint, limb = guarantee
+    return min(type1), type2, constraint if constraint == constraint else inf, min(limb) if limb else inf
+
+
+def nothing_of(at: Posture) -> Margins:
+    """What is known where nothing can be bounded; infinite where the mechanism of a solved posture has no margin."""
+    return 0.0, 0.0, 0.0 if at.constraint == at.constraint else inf, 0.0 if at.limb else inf
+
+
+def limits_of(settings: Settings, which: str) -> Margins:
+    """The `warn` or `stop` limits of the four margins."""
+    kinds = ("type1", "type2", "constraint", "limb")
+    type1, type2, constraint, limb = (getattr(settings, f"{kind}_{which}") for kind in kinds)
+    return type1, type2, constraint, limb
