@@ -29,6 +29,7 @@ PATIENCE_S = 120.0
 AMOUNTS = {
     "approach": 26,
     "swings": 6,
+    "adversary": 26,
     "clean": 4000,
     "escape": 2,
     "delivery": 50,
@@ -41,7 +42,7 @@ AMOUNTS = {
 """Cases of each row here: seconds each."""
 
 THREE = ("irsbot2", "orthoglide", "rrr3")
-FEW = {"swings": THREE, "clean": THREE, "loci": THREE, "escape": ("irsbot2", "rrr3_base")}
+FEW = {"swings": THREE, "adversary": THREE, "clean": THREE, "loci": THREE, "escape": ("irsbot2", "rrr3_base")}
 """Robots of the rows that take long for each of them."""
 
 
@@ -53,7 +54,13 @@ def job(amount: int, *robots: str, seed: int = 1) -> Job:
     return Job(amount, seed, quiet, robots)
 
 
-@pytest.mark.parametrize("name", AMOUNTS)
+FORECAST = pytest.mark.xfail(
+    reason="the outlook takes accelerations to last: drives that begin to speed up are too fast"
+)
+"""What a braking outlook that is a forecast cannot meet."""
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=[FORECAST] if n == "adversary" else []) for n in AMOUNTS])
 def test_the_row_is_met(name: str) -> None:
     entry = next(entry for entry in ENTRIES if entry.name == name)
     told: list[int] = []
