@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fake_supervisors import FakeBoxSupervisor, FakeLenientSupervisor
+from fake_supervisors import FakeBoxSupervisor, FakeHastySupervisor, FakeLenientSupervisor
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -222,7 +222,13 @@ def test_a_supervisor_that_never_stops_is_found_out(monkeypatch: pytest.MonkeyPa
 
 
 def test_a_supervisor_that_holds_is_not_blamed(monkeypatch: pytest.MonkeyPatch) -> None:
-    row = row_against(FakeBoxSupervisor, monkeypatch, len(KINDS), "irsbot2", "orthoglide")
-    assert row.unsafe == 0, row
+    row = row_against(FakeBoxSupervisor, monkeypatch, len(KINDS), "irsbot2")
+    assert row.ok, row
     assert row.figures["stopped"] > row.amount // 3, "the attack bites"
     assert row.figures["worst spare, relative to its limit"] >= 0.0
+
+
+def test_a_robot_that_cannot_be_switched_on_near_a_limit_comes_from_afar(monkeypatch: pytest.MonkeyPatch) -> None:
+    row = row_against(FakeHastySupervisor, monkeypatch, len(KINDS), "irsbot2")
+    assert row.unsafe == 0, row
+    assert row.figures["stopped"] > row.amount // 4, "the attack bites"

@@ -18,17 +18,15 @@ import numpy as np
 from irsbot_kinematics import Robot
 from irsbot_msgs_py.records import Level
 from irsbot_supervisor.campaign.deceit import Attack, Deceit, told
-from irsbot_supervisor.campaign.edges import Edge, published
+from irsbot_supervisor.campaign.edges import Edge, published, wait_s
 from irsbot_supervisor.campaign.hostile import Course, Push
-from irsbot_supervisor.campaign.schemes import HARDEST, Scheme
+from irsbot_supervisor.campaign.schemes import HARDEST, Scheme, from_afar
 from irsbot_supervisor.campaign.truth import Array, limits, margins_along
 from irsbot_supervisor.core.arrivals import SETTLING
 from irsbot_supervisor.core.pipeline import Supervisor
 
-WARM = 1.15
-"""1: times the wait for OK for which a robot stands before the lead begins."""
 SHARED = 0.95
-"""1: share of that wait that is judged once for the lead and the attack."""
+"""1: share of the wait for OK that is judged once for the lead and the attack."""
 RAMPAGE_S = 0.05
 """s for which the joints are let loose, if nobody stops them."""
 FINE_S = 2.5e-4
@@ -63,11 +61,11 @@ class Run:
     def __init__(
         self, robot: Robot, edge: Edge, scheme: Scheme, lie: str, errors: str, rng: np.random.Generator
     ) -> None:
-        self._robot, self._edge, self._scheme = robot, edge, scheme
+        self._robot, self._edge = robot, edge
         settings, timing = edge.settings, edge.timing
-        wait_s = SETTLING * settings.stale_s
-        self._warm = ceil(WARM * wait_s / timing.period_s) + timing.burst
-        self._shared = int(SHARED * wait_s / timing.period_s)
+        self._scheme = scheme = from_afar(edge, scheme) if edge.afar else scheme
+        self._warm = ceil((wait_s(settings, timing) + scheme.early_s) / timing.period_s)
+        self._shared = int((SHARED * SETTLING * settings.stale_s + scheme.early_s) / timing.period_s)
         number = self._warm + ceil((scheme.lead_s + RAMPAGE_S) / timing.period_s) + 2 * timing.burst
         self._deceit = Deceit.drawn(lie, errors, number, len(edge.place), rng)
         self._begun = Supervisor(settings, robot)

@@ -16,6 +16,8 @@ from irsbot_supervisor.campaign.edges import Edge
 from irsbot_supervisor.campaign.hostile import Course, Push
 from irsbot_supervisor.campaign.truth import Array
 
+STROLL, SETTLED_S = 0.2, 0.02
+"""1: share of full speed on the way from the base of an edge; s for which the robot stands then."""
 LEAD_S = 0.06
 """s that a lead takes at most."""
 HARDEST = 20.0
@@ -32,6 +34,7 @@ class Scheme(NamedTuple):
     lead_s: float
     before: int = 1  # the attack begins so many samples before the lead is stopped; at `lead_s` if it is not
     near: float = -inf  # or as soon as less than this is published above the limit, relative to it
+    early_s: float = 0.0  # s that it takes from where the robot was switched on, before time 0
     first: int = -1  # or so many samples after the first one that is allowed
 
 
@@ -114,6 +117,16 @@ def crossing(edge: Edge, rng: np.random.Generator) -> Scheme:
 
 
 KINDS: tuple[Kind, ...] = (creep, rest, at_once, chatter, feint, reversal, bang, crossing)
+
+
+def from_afar(edge: Edge, scheme: Scheme) -> Scheme:
+    """The same after a slow motion from the base of an edge to where the scheme begins."""
+    full = np.array(edge.settings.velocity_limit)
+    way = scheme.start - edge.base
+    travel_s = float(np.abs(way / full).max()) / STROLL + SETTLED_S
+    pushes = (Push(-travel_s - SETTLED_S, way / travel_s), Push(-SETTLED_S, 0.0 * full), *scheme.lead)
+    short = scheme.start - Course(edge.base, pushes[:2], edge.settings).at(np.zeros(1))[0][0]
+    return scheme._replace(start=edge.base + short, lead=pushes, early_s=travel_s + SETTLED_S)
 
 
 def _arriving(

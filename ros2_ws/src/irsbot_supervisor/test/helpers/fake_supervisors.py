@@ -1,7 +1,8 @@
-"""Fakes in place of the supervisor, for tests of what attacks it: one that holds, one that never stops."""
+"""Fakes in place of the supervisor, for tests of what attacks it: one that holds, one that never stops, a timid one."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -22,6 +23,9 @@ WINDOW = 24
 
 class FakeBoxSupervisor:
     """Stops unless the oracle's whole box keeps the stop limits, by a grid. Tells levels and stop margins alone."""
+
+    patient = True
+    """Latches no STOP before it is known how often samples come."""
 
     def __init__(self, settings: Settings, robot: Robot) -> None:
         self._settings, self._robot = settings, robot
@@ -46,10 +50,25 @@ class FakeBoxSupervisor:
         stop = limits(settings, "stop")
         kind = int(((least - stop) / stop).argmin())
         waiting = sample.seen_ns - self._begun_ns < SETTLING * settings.stale_s * S
-        now = Level.STOP if least[kind] < stop[kind] else Level.UNKNOWN if waiting else Level.OK
-        self._level = now if self._level == Level.UNKNOWN else max(self._level, now)
+        now = Level.STOP if least[kind] < stop[kind] else Level.OK
+        if waiting:
+            now = max(now, Level.UNKNOWN) if self.patient or now != Level.STOP else now
+        self._level = Level.STOP if self._level == Level.STOP else now
         state = SimpleNamespace(stop_margin=float(least[kind]), stop_limit=float(stop[kind]), level=now)
         return SimpleNamespace(state=state, verdict=SimpleNamespace(level=self._level))
+
+
+class FakeHastySupervisor(FakeBoxSupervisor):
+    """The same, latching a STOP from the first sample on, which tells nothing of speeds: nobody starts near a limit."""
+
+    patient = False
+
+
+class FakeTimidSupervisor(Supervisor):
+    """The supervisor with Type 2 limits that hardly a posture keeps, whatever its settings say."""
+
+    def __init__(self, settings: Settings, robot: Robot) -> None:
+        super().__init__(replace(settings, type2_stop=0.9, type2_warn=0.9), robot)
 
 
 class FakeLenientSupervisor(Supervisor):
