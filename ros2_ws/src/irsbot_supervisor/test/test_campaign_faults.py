@@ -12,11 +12,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from fake_supervisors import FakeTimidSupervisor
 
 from irsbot_msgs_py.records import Level
 from irsbot_supervisor.campaign import approach, clean, delivery, garbage, loci, resets, stamps, truth
 from irsbot_supervisor.campaign.case import Case
 from irsbot_supervisor.campaign.line import WARM_UP, Line
+from irsbot_supervisor.campaign.motion import work
 from irsbot_supervisor.campaign.registry import ENTRIES
 from irsbot_supervisor.campaign.rows import FALSE_STOPS, RECOVERY_S, TO_STOP_S, Entry, Job, Row, Tally
 from irsbot_supervisor.campaign.runner import Order, run_rows
@@ -29,6 +31,7 @@ PATIENCE_S = 120.0
 AMOUNTS = {
     "approach": 26,
     "swings": 6,
+    "adversary": 26,
     "clean": 4000,
     "escape": 2,
     "delivery": 50,
@@ -41,7 +44,7 @@ AMOUNTS = {
 """Cases of each row here: seconds each."""
 
 THREE = ("irsbot2", "orthoglide", "rrr3")
-FEW = {"swings": THREE, "clean": THREE, "loci": THREE, "escape": ("irsbot2", "rrr3_base")}
+FEW = {"swings": THREE, "adversary": THREE, "clean": THREE, "loci": THREE, "escape": ("irsbot2", "rrr3_base")}
 """Robots of the rows that take long for each of them."""
 
 
@@ -53,7 +56,13 @@ def job(amount: int, *robots: str, seed: int = 1) -> Job:
     return Job(amount, seed, quiet, robots)
 
 
-@pytest.mark.parametrize("name", AMOUNTS)
+FORECAST = pytest.mark.xfail(
+    reason="the outlook takes accelerations to last: drives that begin to speed up are too fast"
+)
+"""What a braking outlook that is a forecast cannot meet."""
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=[FORECAST] if n == "adversary" else []) for n in AMOUNTS])
 def test_the_row_is_met(name: str) -> None:
     entry = next(entry for entry in ENTRIES if entry.name == name)
     told: list[int] = []
@@ -151,16 +160,25 @@ def test_a_row_finds_what_is_broken(
     assert row.note
 
 
-def test_clean_motion_with_limits_that_are_too_wide_has_false_stops(monkeypatch: pytest.MonkeyPatch) -> None:
-    def strict(name: str) -> Any:
-        settings, robot = read_settings(name)
-        return replace(settings, type2_stop=0.9, type2_warn=0.9), robot
-
-    monkeypatch.setattr(clean, "read_settings", strict)
-    monkeypatch.setattr(clean, "works", lambda: ("irsbot2",))
-    monkeypatch.setattr(clean, "swings", lambda robot, settings, _rng: clean.work(robot, settings))
+def test_a_supervisor_that_stops_too_early_has_false_stops_and_warns_at_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(clean, "Supervisor", FakeTimidSupervisor)
     row = clean.run(job(2000, "irsbot2"))
-    assert row.failed == row.figures[FALSE_STOPS] > 0
+    assert row.failed >= row.figures[FALSE_STOPS] > row.amount // 2
+    assert row.figures["warnings at work"] > 0
+
+
+def test_only_samples_that_are_clear_are_judged(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Limits that hardly a posture keeps, known to the oracle: nothing is wrong but that there is nothing to judge."""
+    settings, robot = read_settings("irsbot2")
+    strict = replace(settings, type2_stop=0.9, type2_warn=0.9)
+    monkeypatch.setattr(clean, "read_settings", lambda _name: (strict, robot))
+    monkeypatch.setattr(clean, "works", tuple)
+    monkeypatch.setattr(clean, "swings", lambda *_: work(robot, settings))
+    row = clean.run(job(100, "irsbot2"))
+    assert row.figures[FALSE_STOPS] == 0.0
+    assert row.amount < 100
+    assert row.failed == 1
+    assert "are clear" in row.note
 
 
 def test_a_verdict_that_allows_motion_too_long_after_the_last_true_sample_is_unsafe() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from irsbot_supervisor.campaign import (
+    adversary,
     approach,
     changes,
     clean,
@@ -31,6 +32,14 @@ ENTRIES: tuple[Entry, ...] = (
         over_robots=True,
     ),
     Entry(swings.NAME, swings.MUST, 200 * len(supervised()), len(supervised()), swings.run, over_robots=True),
+    Entry(
+        adversary.NAME,
+        adversary.MUST,
+        2000 * len(supervised()),
+        4 * len(supervised()),
+        adversary.run,
+        over_robots=True,
+    ),
     Entry(clean.NAME, clean.MUST, 1_000_000, 20_000, clean.run, over_robots=True),
     Entry(escape.NAME, escape.MUST, 1000, len(supervised()), escape.run, over_robots=True),
     Entry(delivery.NAME, delivery.MUST, 5000, 50, delivery.run),

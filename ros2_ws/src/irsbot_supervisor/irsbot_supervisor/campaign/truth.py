@@ -34,6 +34,9 @@ MOST_TRIED = 4096
 WIDEST = 4.0
 """Times `length_m`: where slides without limits are looked for, on both sides of zero."""
 
+STAMP_JITTER_S = 5e-5
+"""s by which a stamp may be off, where the settings do not say: a sender without real-time priority."""
+
 NEAR = 0.02
 """rad, or share of `length_m`: between two looks at a branch that has to be followed no joint moves farther."""
 
@@ -47,6 +50,18 @@ def supervised() -> tuple[str, ...]:
 def limits(settings: Settings, which: str) -> Array:
     """(4,) the `warn` or `stop` limits."""
     return np.array([getattr(settings, f"{margin}_{which}") for margin in MARGINS])
+
+
+def accelerations(settings: Settings) -> tuple[float, ...]:
+    """(n,) rad/s2 or m/s2: how fast each drive can gain speed. As hard as it brakes, where nothing else is said."""
+    said: tuple[float, ...] = getattr(settings, "acceleration_limit", ())
+    return said or settings.deceleration_limit
+
+
+def stamp_jitter_s(settings: Settings) -> float:
+    """s by which a stamp may be off."""
+    jitter: float = getattr(settings, "stamp_jitter_s", STAMP_JITTER_S)
+    return jitter
 
 
 def joint_ranges(robot: Robot) -> tuple[Array, Array]:

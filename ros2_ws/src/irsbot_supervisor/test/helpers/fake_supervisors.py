@@ -1,0 +1,82 @@
+"""Fakes in place of the supervisor, for tests of what attacks it: one that holds, one that never stops, a timid one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+from irsbot_kinematics import Robot
+from irsbot_msgs_py.records import JointSample, Level
+from irsbot_supervisor.campaign import reachable
+from irsbot_supervisor.campaign.truth import limits
+from irsbot_supervisor.core.arrivals import SETTLING
+from irsbot_supervisor.core.intake import S
+from irsbot_supervisor.core.pipeline import Supervisor
+from irsbot_supervisor.core.settings import Settings
+
+WINDOW = 24
+"""Samples that the fake remembers."""
+
+
+class FakeBoxSupervisor:
+    """Stops unless the oracle's whole box keeps the stop limits, by a grid. Tells levels and stop margins alone."""
+
+    patient = True
+    """Latches no STOP before it is known how often samples come."""
+
+    def __init__(self, settings: Settings, robot: Robot) -> None:
+        self._settings, self._robot = settings, robot
+        self._samples: list[JointSample] = []
+        self._begun_ns, self._gap_s = 0, 0.0
+        self._level = Level.UNKNOWN
+
+    def step(self, sample: JointSample) -> Any:
+        """State and verdict as far as attacks look at them."""
+        settings, past = self._settings, self._samples
+        self._begun_ns = self._begun_ns or sample.seen_ns
+        if past:
+            self._gap_s = max(self._gap_s, (sample.seen_ns - past[-1].seen_ns) / S)
+        self._samples = past = [*past[-WINDOW:], sample]
+        stamps = np.array([one.stamp_ns - past[0].stamp_ns for one in past]) / S
+        positions = np.array([one.position for one in past])
+        age_s = (sample.received_ns - sample.stamp_ns) / S
+        unseen_s = age_s + self._gap_s + min(self._gap_s, reachable.JUDGING_S)
+        low, high = reachable.boxes(stamps, positions, settings, unseen_s)
+        at = self._robot.mechanism.posture(sample.position, settings.assembly_mode)
+        least = reachable.least_margins(self._robot, settings, low[-1:], high[-1:], [at])[0]
+        stop = limits(settings, "stop")
+        kind = int(((least - stop) / stop).argmin())
+        waiting = sample.seen_ns - self._begun_ns < SETTLING * settings.stale_s * S
+        now = Level.STOP if least[kind] < stop[kind] else Level.OK
+        if waiting:
+            now = max(now, Level.UNKNOWN) if self.patient or now != Level.STOP else now
+        self._level = Level.STOP if self._level == Level.STOP else now
+        state = SimpleNamespace(stop_margin=float(least[kind]), stop_limit=float(stop[kind]), level=now)
+        return SimpleNamespace(state=state, verdict=SimpleNamespace(level=self._level))
+
+
+class FakeHastySupervisor(FakeBoxSupervisor):
+    """The same, latching a STOP from the first sample on, which tells nothing of speeds: nobody starts near a limit."""
+
+    patient = False
+
+
+class FakeTimidSupervisor(Supervisor):
+    """The supervisor with Type 2 limits that hardly a posture keeps, whatever its settings say."""
+
+    def __init__(self, settings: Settings, robot: Robot) -> None:
+        super().__init__(replace(settings, type2_stop=0.9, type2_warn=0.9), robot)
+
+
+class FakeLenientSupervisor(Supervisor):
+    """The supervisor, whose every STOP is a warning."""
+
+    def step(self, event: Any) -> Any:
+        step = super().step(event)
+        verdict = step.verdict
+        if verdict is not None and verdict.level == Level.STOP:
+            verdict = verdict._replace(level=Level.WARN)
+        return step._replace(verdict=verdict)
