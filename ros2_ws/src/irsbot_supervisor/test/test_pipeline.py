@@ -246,7 +246,9 @@ def test_new_settings_may_lengthen_what_has_to_be_learned_at_the_beginning(stale
 
 
 @pytest.mark.parametrize(("stream_ms", "gap_ms"), [(20, 45), (1, 49), (5, 30)])
-def test_who_watches_a_robot_that_already_moves_allows_motion_only_when_the_gaps_between_samples_are_known(stream_ms, gap_ms):
+def test_who_watches_a_robot_that_already_moves_allows_motion_only_when_the_gaps_between_samples_are_known(
+    stream_ms, gap_ms
+):
     supervisor = supervisor_of()
     q = joints_of(supervisor, 0.0, -0.85)
     supervisor.step(tick(0))

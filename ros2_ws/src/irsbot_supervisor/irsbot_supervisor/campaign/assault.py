@@ -22,7 +22,7 @@ from irsbot_supervisor.campaign.edges import Edge, published, wait_s
 from irsbot_supervisor.campaign.hostile import Course, Push
 from irsbot_supervisor.campaign.schemes import HARDEST, Scheme, from_afar
 from irsbot_supervisor.campaign.truth import Array, limits, margins_along
-from irsbot_supervisor.core.arrivals import SETTLING
+from irsbot_supervisor.core.estimation.sample_interval import SETTLING
 from irsbot_supervisor.core.pipeline import Supervisor
 
 SHARED = 0.95

@@ -20,7 +20,7 @@ from irsbot_supervisor.campaign.motion import PERIOD_S, Motion, measured, swings
 from irsbot_supervisor.campaign.reachable import JUDGING_S, boxes, least_margins
 from irsbot_supervisor.campaign.rows import FALSE_STOPS, Job, Row, Tally
 from irsbot_supervisor.campaign.truth import Array, followed, limits, supervised
-from irsbot_supervisor.core.arrivals import SETTLING
+from irsbot_supervisor.core.estimation.sample_interval import SETTLING
 from irsbot_supervisor.core.intake import S
 from irsbot_supervisor.core.pipeline import Supervisor
 from irsbot_supervisor.core.settings import Settings

@@ -14,7 +14,7 @@ from irsbot_msgs_py.records import JointSample, Level, SingularityState
 from irsbot_supervisor.campaign.deceit import Attack, Deceit, Timing, told
 from irsbot_supervisor.campaign.hostile import Course
 from irsbot_supervisor.campaign.truth import Array, accelerations, good_postures, joint_ranges, limits, margins_along
-from irsbot_supervisor.core.arrivals import SETTLING
+from irsbot_supervisor.core.estimation.sample_interval import SETTLING
 from irsbot_supervisor.core.pipeline import Supervisor
 from irsbot_supervisor.core.settings import Settings
 

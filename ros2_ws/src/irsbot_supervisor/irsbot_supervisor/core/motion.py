@@ -41,8 +41,9 @@ class JointLimits:
 
 
 def joint_limits_of(settings: Settings) -> JointLimits:
-    """Of drives that speed up as hard as they brake, as a supervisor takes them."""
-    return JointLimits(settings.velocity_limit, settings.deceleration_limit, settings.deceleration_limit)
+    """Of drives as a supervisor takes them. A plan brakes no harder than it speeds up."""
+    gains = tuple(map(min, settings.acceleration_limit, settings.deceleration_limit))
+    return JointLimits(settings.velocity_limit, gains, settings.deceleration_limit)
 
 
 class JointPoint(NamedTuple):

@@ -199,7 +199,8 @@ class Supervisor:
             self._begun_ns = sample.seen_ns
             self._learn(sample.seen_ns)
         self._good, self._at, self._stale, self._silence = estimate, at, False, []
-        floor = self._predictor.predict(at, estimate.speeds, estimate.ahead_s)
+        predict = self._predictor.at_once if self._latch.latched else self._predictor.predict
+        floor = predict(at, estimate.speeds, estimate.ahead_s)
         reaction = self._reporter.reaction(estimate, assessment)
         # Until it is known how often samples come the level is UNKNOWN: what could be reached tells nothing yet.
         counts = floor if sample.seen_ns >= self._known_ns else assessment.margins

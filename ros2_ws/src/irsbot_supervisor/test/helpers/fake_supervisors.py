@@ -12,7 +12,7 @@ from irsbot_kinematics import Robot
 from irsbot_msgs_py.records import JointSample, Level
 from irsbot_supervisor.campaign import reachable
 from irsbot_supervisor.campaign.truth import limits
-from irsbot_supervisor.core.arrivals import SETTLING
+from irsbot_supervisor.core.estimation.sample_interval import SETTLING
 from irsbot_supervisor.core.intake import S
 from irsbot_supervisor.core.pipeline import Supervisor
 from irsbot_supervisor.core.settings import Settings
