@@ -9,7 +9,8 @@ Source: [S1] (11)-(23); elastostatic model in docs/stiffness.md.
 """
 
 from irsbot_kinematics.stiffness.chains import ChainStructure, moved, turned
-from irsbot_kinematics.stiffness.design_file import load, presets
+from irsbot_kinematics.stiffness.comparison import POSES, Row, Statistics, index, statistics, table
+from irsbot_kinematics.stiffness.design_file import load, presets, text_of
 from irsbot_kinematics.stiffness.errors import InvalidDesign, SingularPosture
 from irsbot_kinematics.stiffness.five_bar import FiveBarStructure
 from irsbot_kinematics.stiffness.irsbot2 import Irsbot2Structure
@@ -22,7 +23,9 @@ from irsbot_kinematics.stiffness.response import (
     frequency,
     matrix,
 )
+from irsbot_kinematics.stiffness.sizing import Active, NoSize, Sized, Task, size
 from irsbot_kinematics.stiffness.structure import Structure
+from irsbot_kinematics.stiffness.supervision import ComplianceError, Load, PoseErrors, compliance_error, pose_errors
 from irsbot_kinematics.stiffness.tubes import Material, Section, Tube, materials, tube_compliance
 
 
@@ -32,27 +35,44 @@ def mass(design: Design) -> float:
 
 
 __all__ = [
+    "POSES",
+    "Active",
     "Answers",
     "ChainStructure",
+    "ComplianceError",
     "Design",
     "FiveBarStructure",
     "InvalidDesign",
     "Irsbot2Structure",
+    "Load",
     "Material",
+    "NoSize",
+    "PoseErrors",
+    "Row",
     "Section",
     "SingularPosture",
+    "Sized",
+    "Statistics",
     "Structure",
+    "Task",
     "Tube",
     "answers",
     "compliance",
+    "compliance_error",
     "deflection",
     "frequency",
+    "index",
     "load",
     "mass",
     "materials",
     "matrix",
     "moved",
+    "pose_errors",
     "presets",
+    "size",
+    "statistics",
+    "table",
+    "text_of",
     "tube_compliance",
     "turned",
 ]

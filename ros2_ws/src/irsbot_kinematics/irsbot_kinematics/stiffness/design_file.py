@@ -91,6 +91,36 @@ def load(name_or_path: str | Path, *, robot: str | None = None, **changes: Any) 
         raise InvalidDesign(f"{where}: {error}") from None
 
 
+def text_of(design: Structure) -> str:
+    """The design as a YAML file that `load` reads back to the last digit."""
+    geometry: dict[str, Any] = {}
+    for key, value in vars(design.mechanism.geometry).items():
+        geometry[key] = {"value": f"{value!r} {'rad' if key == 'beta' else 'm'}"}
+    for key in _FAMILIES[design.family][1]:
+        value = getattr(design, key)
+        geometry[key] = {"value": list(value) if isinstance(value, tuple) else f"{value!r} m"}
+        if isinstance(value, str):
+            geometry[key] = {"value": value}
+    for key, entry in geometry.items():
+        entry |= {"source": design.sources[key]} if design.sources.get(key) else {}
+        entry |= {"assumed": True} if key in design.assumed else {}
+    sections: dict[str, Any] = {}
+    materials: dict[str, Any] = {}
+    for kind, s in design.sections.items():
+        sections[kind] = {"outer": f"{s.outer!r} m", "inner": f"{s.inner!r} m", "material": s.material.name or kind}
+        sections[kind] |= {"source": s.source, "rigid": s.rigid, "assumed": s.assumed}
+        m = s.material
+        materials[m.name or kind] = {
+            "young": f"{m.young!r} Pa",
+            "poisson": f"{m.poisson!r}",
+            "density": f"{m.density!r} kg/m3",
+            "source": m.source,
+        }
+    said: dict[str, Any] = {"family": design.family, "description": design.description, "geometry": geometry}
+    said |= {"sections": sections, "materials": materials, "working_mode": list(design.working_mode)}
+    return yaml.safe_dump(said, sort_keys=False, width=120, allow_unicode=True)
+
+
 def _structure(
     said: Mapping[str, Any], name: str, robot: str | None, changes: Mapping[str, Any], folder: Path
 ) -> Structure:

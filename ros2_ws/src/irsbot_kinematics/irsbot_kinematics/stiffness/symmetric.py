@@ -28,7 +28,7 @@ def inverse3(K: Array) -> Array:
 
 def congruent(T: Array, C: Array) -> Array:
     """T' C T of (i, a, ...), (i, j, ...)."""
-    product: Array = np.einsum("ia...,ij...,jb...->ab...", T, C, T, optimize=True)
+    product: Array = np.einsum("ia...,ib...->ab...", T, np.einsum("ij...,jb...->ib...", C, T))
     return product
 
 

@@ -1,8 +1,8 @@
 """3-D frames of Euler-Bernoulli beams with joints: what the tests compare the elastostatics with.
 
 Nothing here is taken from the library. Every beam has its 12 x 12 stiffness between two nodes of its own, joints and
-rigid bodies are constraints between nodes, and the constrained stiffness is solved in the null space of the
-constraints. No chain is condensed, no symmetry is used, no wrench is known beforehand.
+rigid bodies are constraints between nodes, and the whole is solved with their Lagrange multipliers. No chain is
+condensed, no symmetry is used, no wrench is known beforehand.
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from irsbot2_3d import AXIS_Y, SIGMA, Design, leg
 from numpy.typing import NDArray
+from scipy.sparse import csc_matrix
+from scipy.sparse.linalg import splu
 
 Array = NDArray[np.float64]
 
@@ -84,20 +86,19 @@ class Frame:
 
     def solve(self, node: int, wrenches: Array) -> Array:
         """Displacements (6 x nodes, loads) under wrenches (6, loads) at a node."""
-        number = 6 * len(self.places)
-        K = np.zeros((number, number))
+        number, held = 6 * len(self.places), len(self.constraints)
+        K = np.zeros((number + held, number + held))
         for a, b, k in self.beams:
             at = [*range(6 * a, 6 * a + 6), *range(6 * b, 6 * b + 6)]
             K[np.ix_(at, at)] += k
-        rows = np.zeros((len(self.constraints), number))
-        for row, constraint in zip(rows, self.constraints, strict=True):
+        size = np.median(np.diag(K)[np.diag(K) > 0.0])  # so that the multipliers are of the size of displacements
+        for row, constraint in enumerate(self.constraints, number):
             for at, value in constraint.items():
-                row[at] += value
-        _, values, right = np.linalg.svd(rows)
-        N = right[int(np.sum(values > 1e-9 * values[0])) :].T
-        load = np.zeros((number, wrenches.shape[1]))
+                K[row, at] += size * value
+                K[at, row] += size * value
+        load = np.zeros((number + held, wrenches.shape[1]))
         load[6 * node : 6 * node + 6] = wrenches
-        return N @ np.linalg.solve(N.T @ K @ N, N.T @ load)
+        return splu(csc_matrix(K)).solve(load)[:number]
 
 
 def beam_stiffness(along: Array, EA: float, EI: float, GJ: float) -> Array:
@@ -142,10 +143,10 @@ def irsbot2_frame(
         carrier = frame.node(at.B)
         for y in (0.0,) if spacing == 0.0 else (0.5 * spacing, -0.5 * spacing):
             off = np.array([0.0, y, 0.0])
-            foot, tip = frame.beam(at.A + off, at.B + off, pipes["proximal"])
+            foot, tip = frame.beam(at.A + off, at.B + off, pipes["proximal"], 1)
             frame.clamp(foot)
             frame.joint(carrier, tip, [AXIS_Y])
-        foot, tip = frame.beam(at.A + side, at.B + side, pipes["parallel"])
+        foot, tip = frame.beam(at.A + side, at.B + side, pipes["parallel"], 1)
         base = frame.node(at.A + side)
         frame.clamp(base)
         frame.joint(base, foot, [AXIS_Y])
@@ -154,9 +155,9 @@ def irsbot2_frame(
         near.append([])
         far.append([])
         for j in (0, 1):
-            root, end = frame.beam(elbow, at.E[j], pipes["elbow"])
+            root, end = frame.beam(elbow, at.E[j], pipes["elbow"], 1)
             frame.weld(carrier, root)
-            start, stop = frame.beam(at.E[j], at.F[j], pipes["distal"])
+            start, stop = frame.beam(at.E[j], at.F[j], pipes["distal"], 1)
             frame.joint(end, start, [at.e1[j], at.e2[j]])
             frame.joint(platform, stop, [at.e2[j], at.e1[j]])
             near[-1].append(end)
