@@ -12,6 +12,7 @@ from irsbot_kinematics.stiffness.chains import ChainStructure, moved, turned
 from irsbot_kinematics.stiffness.comparison import POSES, Row, Statistics, index, statistics, table
 from irsbot_kinematics.stiffness.design_file import load, presets, text_of
 from irsbot_kinematics.stiffness.errors import InvalidDesign, SingularPosture
+from irsbot_kinematics.stiffness.fields import DeflectionMap, deflection_map
 from irsbot_kinematics.stiffness.five_bar import FiveBarStructure
 from irsbot_kinematics.stiffness.irsbot2 import Irsbot2Structure
 from irsbot_kinematics.stiffness.response import (
@@ -40,6 +41,7 @@ __all__ = [
     "Answers",
     "ChainStructure",
     "ComplianceError",
+    "DeflectionMap",
     "Design",
     "FiveBarStructure",
     "InvalidDesign",
@@ -60,6 +62,7 @@ __all__ = [
     "compliance",
     "compliance_error",
     "deflection",
+    "deflection_map",
     "frequency",
     "index",
     "load",

@@ -193,7 +193,8 @@ class _Judge:
         if rigid:
             made = Topology(type(geometry), type(start.mechanism))
             changes["mechanism"] = built(made, vars(geometry) | rigid)
-        return replace(start, sections=sections, **changes)
+        description = f"sized from {start.name}: at most {1e3 * self.task.largest_m:.4g} mm under 100 N along y0"
+        return replace(start, description=description, sections=sections, **changes)
 
     def _answer(self, values: Array) -> tuple[Structure | None, Array]:
         key = values.tobytes()
