@@ -17,6 +17,9 @@ UNITS: dict[str, dict[str, float]] = {
 }
 """SI value of each unit, by dimension. A ratio may be written without its unit."""
 
+LARGEST = 1e15
+"""1: no number of a machine is larger in its unit; keeps powers of it finite."""
+
 
 def quantity(said: Any, dimension: str, what: str) -> float:
     """SI value of a number with its unit. Raises InvalidDesign for a missing or wrong unit, and for what is no number.
@@ -35,6 +38,6 @@ def quantity(said: Any, dimension: str, what: str) -> float:
         raise InvalidDesign(f"{what} has no unit: {said!r}; write for example '{parts[0]} {next(reversed(units))}'")
     if len(parts) != 2 or parts[1] not in units:
         raise InvalidDesign(f"{what} must have a unit of {dimension} ({', '.join(units)}), got {said!r}")
-    if not isfinite(value):
-        raise InvalidDesign(f"{what} must be finite, got {said!r}")
+    if not isfinite(value) or not abs(value) <= LARGEST:
+        raise InvalidDesign(f"{what} must be finite and at most {LARGEST:g}, got {said!r}")
     return value * units[parts[1]]

@@ -17,6 +17,9 @@ from irsbot_kinematics.arithmetic import Array
 from irsbot_kinematics.stiffness.errors import InvalidDesign
 from irsbot_kinematics.stiffness.quantities import quantity
 
+LONGEST_M = 1e6
+"""m: no tube is longer or wider; keeps the powers of its size finite."""
+
 
 def require(rule: str, holds: bool, value: float) -> None:
     """Raise InvalidDesign unless `holds`; the test accepts, so NaN is refused."""
@@ -118,11 +121,12 @@ class Tube:
             object.__setattr__(self, "material", shipped_material(given))
         elif not isinstance(given, Material):
             raise InvalidDesign(f"a tube needs a Material or the name of a shipped one, got {given!r}")
-        require("a tube needs an outer diameter > 0 m", 0.0 < self.outer < inf, self.outer)
+        require("a tube needs an outer diameter > 0 m", 0.0 < self.outer <= LONGEST_M, self.outer)
         require("a tube needs an inner diameter >= 0 m", self.inner >= 0.0, self.inner)
         if not self.inner < self.outer:
             raise InvalidDesign(f"a tube needs inner < outer diameter, got {self.inner:.9g} against {self.outer:.9g} m")
-        require("a tube needs a length > 0 m", 0.0 < self.length < inf, self.length)
+        require("a tube needs a length > 0 m", 0.0 < self.length <= LONGEST_M, self.length)
+        require("a tube needs a second moment > 0 m4", self.second_moment > 0.0, self.second_moment)
 
     @property
     def area(self) -> float:
