@@ -7,7 +7,7 @@ from math import hypot
 import numpy as np
 import pytest
 from frame import AXIS_Y, SIGMA, Pipe, five_bar_frame, irsbot2_frame
-from irsbot2_3d import Design
+from irsbot2_3d import Design, leg, unit
 
 import irsbot_kinematics as irs
 from irsbot_kinematics import stiffness
@@ -101,6 +101,54 @@ def test_no_sample_of_the_bent_frame_is_worse_than_the_bounds(name, robot):
         )
     assert np.max(used, axis=0)[0] > 0.3
     assert np.max(used, axis=0)[1] > 0.9
+
+
+def bent_constraint_margin(design, built, moved, end):
+    """kappa of the bent robot in space, as `irsbot2_3d.kappa` of the rigid one: from the places of the rods' ends and
+    the elbow axes, turned with the elbow (`near`) or with the platform (`far`)."""
+    g = design.geometry
+    normals, meets = [], []
+    for k in (0, 1):
+        lines = []
+        for j in (0, 1):
+            a, b = built.near[k][j], built.far[k][j]
+            E = built.frame.places[a] + moved[6 * a : 6 * a + 3]
+            F = built.frame.places[b] + moved[6 * b : 6 * b + 3]
+            body = a if end == "near" else built.platform
+            y1 = leg(Design(g.l1, g.l2eq, g.b, g.p, g.a1, g.a2, g.beta, g.e), k, 0.0, 0.0).e1[j]
+            y1 = unit(y1 + np.cross(moved[6 * body + 3 : 6 * body + 6], y1))
+            along = unit(F - E)
+            normals.append(np.cross(y1, unit(np.cross(y1, along))))
+            lines.append((E, along))
+        (E1, f1), (E2, f2) = lines
+        meets.append(E1 + np.linalg.lstsq(np.stack([f1, -f2], axis=1), E2 - E1, rcond=None)[0][0] * f1)
+    length = 2.0 * (g.p + g.a2 / (g.a1 - g.a2) * g.l2eq)
+    across = np.cross(AXIS_Y, meets[1] - meets[0]) / length
+    return np.linalg.svd(np.stack([*normals, across], axis=1), compute_uv=False)[2]
+
+
+@pytest.mark.parametrize(("name", "robot"), ROBOTS[:3])
+def test_no_sample_has_a_smaller_constraint_margin_than_is_left_for_certain(name, robot):
+    """Sampled, not derived: the slack bounds how the rods turn, the elbow carriers tilt besides."""
+    design = stiffness.load(name, robot=robot)
+    rng = np.random.default_rng(12)
+    poses = rng.uniform(*np.transpose(BOX), (300, 2))
+    poses = poses[useful(design, poses, LIMITS)][:10]
+    each, rigid, taken = pose_errors(design, poses, LOAD), irs.Robot(design.mechanism), 0.0
+    for pose, slack in zip(poses, each.slack_m, strict=True):
+        q = rigid.inverse(pose, design.working_mode)
+        at = rigid.posture(q)
+        built = framed(design, q, design.mechanism.rod_angles(at), pose)
+        moved = built.frame.solve(built.platform, np.eye(6)[:, [0, 2, 4]])
+        assert bent_constraint_margin(design, built, 0.0 * moved[:, 0], "near") == pytest.approx(
+            at.constraint, abs=1e-9
+        )
+        sure = design.mechanism.guarantee(at, (0.0, 0.0), float(slack)).constraint
+        for w in loads(rng, 12).T:
+            found = min(bent_constraint_margin(design, built, moved @ w, end) for end in ("near", "far"))
+            assert found >= sure
+            taken = max(taken, at.constraint - found)
+    assert taken > 1e-3
 
 
 def test_the_bound_over_a_workspace_stays_below_a_finer_look_by_little():

@@ -49,7 +49,7 @@ class Answers:
 
 def answers(design: Structure, poses: ArrayLike) -> Answers:
     """Stiffness, compliance and status of many poses (N, 2). Raises BadInput for another shape."""
-    X = _poses(poses)
+    X = table_of(poses)
     number = len(X)
     status, reach = np.full(number, Status.INVALID, np.uint8), np.full(number, np.nan)
     K, C = np.full((number, 6, 6), np.nan), np.full((number, 6, 6), np.nan)
@@ -174,7 +174,8 @@ def _single(pose: ArrayLike) -> bool:
     return np.ndim(pose) == 1
 
 
-def _poses(poses: ArrayLike) -> Array:
+def table_of(poses: ArrayLike) -> Array:
+    """Many poses as (N, 2). Raises BadInput for another shape."""
     try:
         X = np.asarray(poses, dtype=float)
     except (TypeError, ValueError):

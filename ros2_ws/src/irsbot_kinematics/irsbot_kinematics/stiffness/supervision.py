@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from irsbot_kinematics.arithmetic import Array
 from irsbot_kinematics.batch import evaluate_many, inverse_many
@@ -26,7 +26,7 @@ from irsbot_kinematics.errors import BadInput
 from irsbot_kinematics.maps import Box, reachable_box
 from irsbot_kinematics.mechanism import Status
 from irsbot_kinematics.stiffness.errors import SingularPosture
-from irsbot_kinematics.stiffness.response import compliances, postures
+from irsbot_kinematics.stiffness.response import compliances, postures, table_of
 from irsbot_kinematics.stiffness.structure import Legs, Structure
 from irsbot_kinematics.tolerances import SAME_POSE_TOL
 
@@ -94,10 +94,11 @@ class ComplianceError:
     limits: Limits
 
 
-def pose_errors(design: Structure, poses: Array, load: Load) -> PoseErrors:
-    """Bounds of the errors in poses (N, 2) m, over all directions of the load."""
-    found = [np.full(len(poses), np.nan) for _ in range(3)]
-    for rows, legs, status, _ in postures(design, poses):
+def pose_errors(design: Structure, poses: ArrayLike, load: Load) -> PoseErrors:
+    """Bounds of the errors in poses (N, 2) m, over all directions of the load. Raises BadInput for another shape."""
+    X = table_of(poses)
+    found = [np.full(len(X), np.nan) for _ in range(3)]
+    for rows, legs, status, _ in postures(design, X):
         (planar, ok_p), (lateral, ok_l) = compliances(design, legs.planar.sum(axis=-1), legs.lateral.sum(axis=-1))
         good = (status == Status.SOLVED) & ~legs.singular & ok_p & ok_l
         slack = _slack(legs, planar, load)
