@@ -15,7 +15,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.optimize import NonlinearConstraint, differential_evolution, minimize
 
 from irsbot_kinematics.arithmetic import Array
 from irsbot_kinematics.batch import inverse_many
@@ -129,6 +128,8 @@ def size(task: Task, progress: Callable[[int, float], None] | None = None) -> Si
 
     Raises NoSize where no design meets the limits, BadInput for a task that is none.
     """
+    from scipy.optimize import NonlinearConstraint, differential_evolution  # takes half a second to load
+
     names, bounds = list(task.ranges), list(task.ranges.values())
     judge = _Judge(task, names)
     low, high = (np.array(side) for side in zip(*bounds, strict=True))
@@ -236,6 +237,8 @@ class _Judge:
 
     def polished(self, values: Array, low: Array, high: Array) -> Array:
         """The nearest local minimum of the mass, if SLSQP finds one that is lighter and meets the limits."""
+        from scipy.optimize import minimize
+
         span = high - low
 
         def room(t: Array) -> Array:
