@@ -9,6 +9,7 @@ import pytest
 
 import irsbot_kinematics as irs
 from irsbot_kinematics import stiffness
+from irsbot_kinematics.maps import constraint_points
 from irsbot_kinematics.mechanism import Status
 from irsbot_kinematics.stiffness import SingularPosture
 
@@ -204,11 +205,26 @@ def test_type_2_postures_are_singular_and_the_free_motion_is_named():
     assert stiffness.answers(robot, [pose]).status[0] == Status.SINGULAR
 
 
+def test_where_the_legs_lose_a_constraint_the_elastic_robot_is_singular_too():
+    """The constraint singularities that the kinematics finds, by rank of the stiffness; 1 mm aside it has all."""
+    design = stiffness.load("irsbot2_table2", robot="irsbot2_csc")
+    points = constraint_points(design.mechanism, (1, -1))
+    assert len(points) > 2
+    assert (stiffness.answers(design, points).status == Status.SINGULAR).all()
+    assert (stiffness.answers(design, points + 1e-3).status == Status.SOLVED).all()
+    with pytest.raises(SingularPosture, match=r"free to move by rx 1, rz -0\.994"):
+        stiffness.compliance(design, points[0])
+    assert np.isfinite(stiffness.matrix(design, points)).all()
+
+
 def test_a_wrench_that_nothing_balances_is_refused():
     design = stiffness.load("five_bar_table1")
     with pytest.raises(SingularPosture, match="ry free"):
         stiffness.deflection(design, (0.0, -0.8), (0.0, 0.0, 0.0, 0.0, 1.0, 0.0))
     assert stiffness.deflection(design, (0.0, -0.8), SIDE)[4] == 0.0
+    C = stiffness.compliance(design, (0.0, -0.8))
+    assert not C[4].any()
+    assert not C[:, 4].any()
     with pytest.raises(irs.BadInput):
         stiffness.deflection(design, (0.0, -0.8), (0.0, 1.0))
 

@@ -79,6 +79,16 @@ def test_a_search_is_repeated_by_its_seed_reports_progress_and_meets_the_limits(
     assert found.active
 
 
+def test_a_last_step_that_breaks_a_limit_is_not_taken(monkeypatch):
+    """A fake SLSQP that returns the thinnest tubes, which are the lightest."""
+    import scipy.optimize
+
+    thinnest = scipy.optimize.OptimizeResult(x=np.zeros(4))
+    monkeypatch.setattr(scipy.optimize, "minimize", lambda *_, **__: thinnest)
+    found = stiffness.size(Task(stiffness.load("five_bar_table1"), 1e-3, generations=5))
+    assert found.statistics.largest_mm <= 1.0
+
+
 def test_lengths_can_be_varied_and_other_tubes_kept():
     start = stiffness.load("irsbot2_table4", rigid=("elbow",))
     lengths = {"beta": (radians(30.0), radians(50.0)), "spacing": (0.1, 0.6)}

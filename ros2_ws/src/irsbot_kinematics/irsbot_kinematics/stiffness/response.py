@@ -200,10 +200,14 @@ def _refuse(design: Structure, found: Answers, pose: ArrayLike, *, need_inverse:
 
 
 def free_motion(design: Structure, found: Answers) -> str:
-    """The softest twist of the first posture in words, largest part 1."""
-    scale = np.array([1.0] * 3 + [design.length_m] * 3)
-    held = [at for at in range(6) if at not in design.free]
-    K = (found.stiffness[0] / (scale[:, None] * scale))[np.ix_(held, held)]
-    softest = np.linalg.eigh(K)[1][:, 0] / scale[held]
-    softest = softest / softest[np.argmax(np.abs(softest))]
-    return ", ".join(f"{TWIST[at]} {part:.3g}" for at, part in zip(held, softest, strict=True) if abs(part) > 1e-3)
+    """The softest twist of the first posture in words, largest part 1: of the block that is nearest to singular."""
+    softest: list[tuple[float, list[str]]] = []
+    for coordinates in (PLANAR, LATERAL):
+        held = [at for at in coordinates if at not in design.free]
+        scale = np.array([1.0 if at < 3 else design.length_m for at in held])
+        values, vectors = np.linalg.eigh(found.stiffness[0][np.ix_(held, held)] / np.outer(scale, scale))
+        twist = vectors[:, 0] / scale
+        twist = twist / twist[np.argmax(np.abs(twist))]
+        parts = [f"{TWIST[at]} {part:.3g}" for at, part in zip(held, twist, strict=True) if abs(part) > 1e-3]
+        softest.append((float(values[0] / values[-1]), parts))
+    return ", ".join(min(softest)[1])
