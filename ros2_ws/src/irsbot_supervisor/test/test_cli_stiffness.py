@@ -126,6 +126,21 @@ def test_a_design_is_sized_and_its_file_can_be_asked(irsbot, tmp_path):
     assert "active: what holds the design back" in out
 
 
+def test_other_poses_than_the_papers_can_be_asked_for(irsbot):
+    code, out, _ = irsbot("stiffness", "irsbot2_table2", "--robot", "irsbot2_csc")
+    assert code == 0
+    assert "not all in its reach" in out
+    box = ("--box", -0.05, 0.05, -0.3, -0.25)
+    search = ("--generations", 10, "--population", 4)
+    words = ("design", "size", "irsbot2_table2", "--robot", "irsbot2_csc", "--largest", 0.001, *search)
+    code, _, err = irsbot(*words)
+    assert code == 2
+    assert "it is out of reach or singular" in err
+    code, out, _ = irsbot(*words, *box, "--json")
+    assert code == 0
+    assert json.loads(out)["statistics"]["largest_mm"] <= 1.0
+
+
 def test_a_mechanism_of_the_users_own_is_read_from_a_file(irsbot, tmp_path):
     path = tmp_path / "arm.yaml"
     said = {

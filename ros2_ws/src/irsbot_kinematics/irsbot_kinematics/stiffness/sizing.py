@@ -126,10 +126,16 @@ class NoSize(KinematicsError):
 def size(task: Task, progress: Callable[[int, float], None] | None = None) -> Sized:
     """The lightest design that the search finds. progress: called with the generation and the least mass so far.
 
-    Raises NoSize where no design meets the limits, BadInput for a task that is none.
+    Raises NoSize where no design meets the limits, BadInput where a pose is out of reach and no length is varied.
     """
     from scipy.optimize import NonlinearConstraint, differential_evolution  # takes half a second to load
 
+    before: Statistics | None = None
+    try:
+        before = statistics(task.start, task.poses)
+    except BadInput:
+        if not task.lengths:  # no tube brings a pose into reach
+            raise
     names, bounds = list(task.ranges), list(task.ranges.values())
     judge = _Judge(task, names)
     low, high = (np.array(side) for side in zip(*bounds, strict=True))
@@ -161,10 +167,6 @@ def size(task: Task, progress: Callable[[int, float], None] | None = None) -> Si
         )
     best = judge.polished(best, low, high)
     design = judge.design(best)
-    try:
-        before = statistics(task.start, task.poses)
-    except BadInput:
-        before = None
     return Sized(design, statistics(design, task.poses), before, judge.active(best), judge.evaluations)
 
 

@@ -6,6 +6,7 @@ from math import inf
 from pathlib import Path
 from typing import Annotated, Any
 
+import numpy as np
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
@@ -27,6 +28,10 @@ def size(
     wall: Annotated[str, typer.Option(help="range of the walls, low:high in m")] = "0.001:0.01",
     tube: Annotated[list[str] | None, typer.Option(help="kind of tube to size; all if left out")] = None,
     vary: Annotated[list[str] | None, typer.Option(help="length to vary as well, name=low:high")] = None,
+    box: Annotated[
+        tuple[float, float, float, float] | None,
+        typer.Option(metavar="LOW HIGH LOW HIGH", help="ranges of x and z, m: 5 x 4 poses; the paper's if left out"),
+    ] = None,
     seed: Annotated[int, typer.Option(help="of the search")] = 0,
     generations: Annotated[int, typer.Option(help="of the search")] = Task.generations,
     population: Annotated[int, typer.Option(help="candidates per variable and generation")] = Task.population,
@@ -50,6 +55,9 @@ def size(
         lengths[key] = _range(key, ends)
     ranges: dict[str, Any] = {"outer": _range("outer", outer), "wall": _range("wall", wall), "lengths": lengths}
     search: dict[str, Any] = {"seed": seed, "generations": generations, "population": population}
+    if box is not None:
+        x, z = np.meshgrid(np.linspace(box[0], box[1], 5), np.linspace(box[2], box[3], 4))
+        ranges["poses"] = np.column_stack([x.ravel(), z.ravel()])
     task = Task(start, largest, mean, tubes=tuple(tube or ()), **ranges, **search)
     with _bar() as progress:
         bar = progress.add_task("generation", total=generations)

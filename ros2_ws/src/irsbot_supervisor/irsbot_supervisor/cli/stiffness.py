@@ -83,11 +83,19 @@ def show(
         facts = _design_facts(design) | {"pose": at} | _elastic_facts(design, at, wrench, mass)
         facts |= {"margins": _margin_facts(design, at, Load(force, moment, payload, acceleration))}
     else:
-        facts = _design_facts(design) | {"statistics": stiffness.statistics(design)._asdict()}
+        facts = _design_facts(design) | {"statistics": _statistics(design)}
     if as_json:
         print_json(facts)
     else:
         _print(facts)
+
+
+def _statistics(design: Structure) -> dict[str, float] | None:
+    """Over the assumed poses; None where the robot does not reach them all."""
+    try:
+        return stiffness.statistics(design)._asdict()
+    except BadInput:
+        return None
 
 
 def changes(set_: list[str] | None, rigid: list[str] | None) -> dict[str, Any]:
@@ -164,6 +172,9 @@ def _print(facts: dict[str, Any]) -> None:
         out.print(f"assumed, not printed in the source: {', '.join(facts['assumed'])}")
     if "statistics" in facts:
         found = facts["statistics"]
+        if found is None:
+            out.print("the 20 assumed poses of the paper are not all in its reach")
+            return
         sizes = [f"{name} {found[f'{name}_mm']:.4g}" for name in ("largest", "mean", "deviation")]
         out.print(f"100 N along y0 over the 20 assumed poses: {', '.join(sizes)} mm")
         return
