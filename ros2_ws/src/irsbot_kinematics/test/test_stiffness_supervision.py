@@ -163,6 +163,16 @@ def test_the_bound_over_a_workspace_stays_below_a_finer_look_by_little():
     assert worst == pytest.approx(found.slack_m - found.refinement_m, rel=1e-12)
 
 
+def test_the_tubes_of_a_design_fit_the_robot_that_is_supervised():
+    tubes, robot = stiffness.load("irsbot2_table2"), irs.make_robot("irsbot2", l1=0.4)
+    fitted = tubes.fitted(robot.mechanism)
+    other = stiffness.load("irsbot2_table2", robot="irsbot2", l1=0.4)
+    assert np.array_equal(stiffness.matrix(fitted, (0.1, -0.8)), stiffness.matrix(other, (0.1, -0.8)))
+    assert tubes.fitted(robot.mechanism, (1, 1)).working_mode == (1, 1)
+    with pytest.raises(stiffness.InvalidDesign, match="the robot is a five_bar"):
+        tubes.fitted(irs.make_robot("five_bar").mechanism)
+
+
 def test_without_load_nothing_bends_and_twice_the_load_bends_twice_and_a_little_more():
     design, poses = stiffness.load("irsbot2_table2"), np.array([(0.1, -0.8)])
     none, one, two = (pose_errors(design, poses, Load(force)) for force in (0.0, 10.0, 20.0))

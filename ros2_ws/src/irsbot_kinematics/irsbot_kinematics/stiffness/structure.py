@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from dataclasses import dataclass, replace
+from typing import ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,8 @@ from irsbot_kinematics.arithmetic import Array
 from irsbot_kinematics.mechanism import Mechanism, Signs
 from irsbot_kinematics.stiffness.errors import InvalidDesign
 from irsbot_kinematics.stiffness.tubes import Section, Tube
+
+S = TypeVar("S", bound="Structure")
 
 
 class Part(NamedTuple):
@@ -95,6 +97,18 @@ class Structure(ABC):
     def length_m(self) -> float:
         """Length that makes moments comparable with forces."""
         return self.mechanism.length_m
+
+    def fitted(self: S, mechanism: Mechanism, working_mode: Signs | None = None) -> S:
+        """The same tubes on the lengths of another robot of the family, for example of the one that is supervised.
+
+        working_mode: the robot's usual one if left out. Raises InvalidDesign for a robot of another family.
+        """
+        if mechanism.kind != self.family:
+            raise InvalidDesign(
+                f"the tubes of '{self.name}' are for the family {self.family}, the robot is a {mechanism.kind}"
+            )
+        mode = mechanism.usual_working_mode if working_mode is None else working_mode
+        return replace(self, mechanism=mechanism, working_mode=mode)
 
     @property
     def mass(self) -> float:
