@@ -154,11 +154,12 @@ def test_no_sample_has_a_smaller_constraint_margin_than_is_left_for_certain(name
 def test_the_bound_over_a_workspace_stays_below_a_finer_look_by_little():
     design = stiffness.load("irsbot2_table2")
     found = compliance_error(design, LOAD, LIMITS, BOX)
-    x, z = np.meshgrid(np.linspace(*BOX[0], 701), np.linspace(*BOX[1], 351))
+    x, z = np.meshgrid(np.linspace(*BOX[0], 401), np.linspace(*BOX[1], 201))
     dense = np.column_stack([x.ravel(), z.ravel()])
     dense = dense[useful(design, dense, LIMITS)]
     largest = pose_errors(design, dense, LOAD).slack_m.max()
     assert largest <= found.slack_m <= 1.1 * largest
+    assert all(low <= value <= high for value, (low, high) in zip(found.worst_pose, BOX, strict=True))
     worst = pose_errors(design, np.array([found.worst_pose]), LOAD).slack_m[0]
     assert worst == pytest.approx(found.slack_m - found.refinement_m, rel=1e-12)
 

@@ -129,6 +129,7 @@ def compliance_error(
     around = np.linspace(-1.0, 1.0, INNER)
     cells = np.stack(np.meshgrid(around * step[0], around * step[1]), axis=-1).reshape(-1, 2)
     near = (grids[1][order][:, None] + cells).reshape(-1, 2)
+    near = np.clip(near, *np.transpose([area.first, area.second]))
     near = near[useful(design, near, limits)]
     third = pose_errors(design, near, load)
     largest = [max(float(np.nanmax(s)), float(np.nanmax(t, initial=0.0))) for s, t in zip(second, third, strict=True)]
