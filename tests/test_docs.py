@@ -8,8 +8,9 @@ import sys
 from pathlib import Path
 
 import pytest
+import yaml
 
-from irsbot_kinematics import robots
+from irsbot_kinematics import robots, stiffness
 from irsbot_kinematics.conformance import LAWS
 from irsbot_kinematics.mechanisms import TOPOLOGIES
 from irsbot_msgs_py.records import Cause
@@ -33,8 +34,9 @@ def test_every_link_leads_to_a_file(page: Path) -> None:
     assert [link for link in links if not (page.parent / link).exists()] == []
 
 
-def test_the_python_block_of_the_readme_runs() -> None:
-    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+@pytest.mark.parametrize("page", ["README.md", "docs/stiffness.md"])
+def test_the_python_blocks_run(page: str) -> None:
+    blocks = re.findall(r"```python\n(.*?)```", (ROOT / page).read_text(), re.DOTALL)
     assert blocks
     for block in blocks:
         done = subprocess.run([sys.executable, "-c", block], capture_output=True, text=True, timeout=120)
@@ -73,3 +75,16 @@ def test_every_mechanism_has_its_drawing_and_every_drawing_is_small() -> None:
     for name in drawn:
         assert (ROOT / "docs" / "pictures" / f"{name}.png").stat().st_size < 60_000
     assert f"tries {len(LAWS) + 1} laws" in page
+
+
+def test_the_design_file_of_the_stiffness_page_is_one(tmp_path: Path) -> None:
+    (block,) = re.findall(r"```yaml\n(.*?)```", (ROOT / "docs" / "stiffness.md").read_text(), re.DOTALL)
+    path = tmp_path / "page.yaml"
+    said = yaml.safe_load(block)
+    shipped = stiffness.load("irsbot2_table2")
+    lengths = {key: f"{value} m" for key, value in vars(shipped.mechanism.geometry).items()}
+    said["geometry"] = lengths | said["geometry"]
+    path.write_text(yaml.safe_dump(said))
+    design = stiffness.load(path)
+    assert stiffness.mass(design) == pytest.approx(stiffness.mass(shipped))
+    assert (ROOT / "docs" / "pictures" / "stiffness.png").stat().st_size < 60_000

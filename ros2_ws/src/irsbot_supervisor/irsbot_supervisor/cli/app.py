@@ -7,6 +7,7 @@ import sys
 import typer
 
 from irsbot_kinematics import InvalidGeometry, KinematicsError, NotAssembled, Unreachable
+from irsbot_kinematics.stiffness import NoSize, SingularPosture
 from irsbot_supervisor.cli import (
     bags,
     bench,
@@ -21,6 +22,8 @@ from irsbot_supervisor.cli import (
     report,
     runs,
     settings,
+    sizing,
+    stiffness,
 )
 from irsbot_supervisor.cli.common import NUMBERS, Failed, err
 from irsbot_supervisor.core.motion import BadTrajectory
@@ -53,6 +56,8 @@ app.command("report")(report.report)
 app.command("bench")(bench.bench)
 app.command("faults")(faults.faults)
 app.command("map")(map.draw)
+app.command("stiffness", context_settings=NUMBERS)(stiffness.show)
+design.app.command("size")(sizing.size)
 app.add_typer(design.app, name="design")
 
 BAD_INPUT = (InvalidSettings, BadTrajectory, InvalidGeometry, BagError, SimulationError, KinematicsError)
@@ -63,7 +68,7 @@ def main() -> None:
     """Run a command; exit code 0 done, 1 the checked thing failed, 2 bad usage or input. No traceback for either."""
     try:
         app(prog_name="irsbot", standalone_mode=True)
-    except (Failed, Unreachable, NotAssembled, SuiteError) as error:
+    except (Failed, Unreachable, NotAssembled, SingularPosture, NoSize, SuiteError) as error:
         err.print(f"irsbot: {error}")
         sys.exit(1)
     except BAD_INPUT as error:

@@ -49,6 +49,13 @@ def numbers(values: Sequence[str], what: str, count: int) -> tuple[float, ...]:
     return parsed
 
 
+def measure(name: str, text: str) -> float:
+    """A length in m, or for beta an angle in rad or, with the suffix, deg. Raises BadInput."""
+    if name == "beta" and text.endswith("deg"):
+        return math.radians(numbers([text[:-3]], name, 1)[0])
+    return numbers([text], name, 1)[0]
+
+
 def signs(text: str) -> tuple[int, ...]:
     """A working mode such as `+-`. Raises BadInput."""
     if not text or set(text) - {"+", "-"}:

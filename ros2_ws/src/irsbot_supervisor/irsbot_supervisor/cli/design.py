@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import asdict
-from math import degrees, radians
+from math import degrees
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,7 +21,7 @@ from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2Geometry
 from irsbot_kinematics.robot_file import read_robot
 from irsbot_supervisor.cli import design_facts as facts
 from irsbot_supervisor.cli import design_tables as tables
-from irsbot_supervisor.cli.common import Failed, err, existing, numbers, out, print_json, sign_text, signs
+from irsbot_supervisor.cli.common import Failed, err, existing, measure, numbers, out, print_json, sign_text, signs
 from irsbot_supervisor.column_stream import write_chunks
 
 app = typer.Typer(
@@ -157,7 +157,7 @@ def sweep(
         steps = numbers([bounds[2]], "steps", 1)[0] if len(bounds) == 3 else 1.0
         if not steps.is_integer():
             raise BadInput(f"steps must be a whole number, got {bounds[2]}")
-        ranges[name] = Range(_quantity(name, bounds[0]), _quantity(name, bounds[1]), int(steps))
+        ranges[name] = Range(measure(name, bounds[0]), measure(name, bounds[1]), int(steps))
     plan = Plan(ranges, samples, seed)
     totals: dict[str, int] = {}
     write_chunks(output, _watched(plan, totals))
@@ -195,7 +195,7 @@ def search_(
         bounds = entries.split(":")
         if name not in RANGES or len(bounds) != 2:
             raise BadInput(f"--vary must be {'|'.join(RANGES)}=low:high, got '{name}={entries}'")
-        ranges[name] = (_quantity(name, bounds[0]), _quantity(name, bounds[1]))
+        ranges[name] = (measure(name, bounds[0]), measure(name, bounds[1]))
     limits = Limits(type1, type2, constraint)
     task = Task(size, slack, zone, limits, ranges, seed, population, generations)
     other_name, other = _design(compare, None)
@@ -219,7 +219,7 @@ def search_(
 
 def _design(robot: str, replaced: list[str] | None) -> tuple[str, Irsbot2Geometry]:
     """Name and geometry of an irsbot2. Raises BadInput for another mechanism."""
-    read = read_robot(robot, {name: _quantity(name, value) for name, value in _pairs(replaced or [])})
+    read = read_robot(robot, {name: measure(name, value) for name, value in _pairs(replaced or [])})
     g = read.mechanism.geometry
     if not isinstance(g, Irsbot2Geometry):
         raise BadInput(f"the design space is that of the irsbot2; '{robot}' is a {read.mechanism.kind}")
@@ -232,13 +232,6 @@ def _pairs(entries: list[str]) -> Iterator[tuple[str, str]]:
         if not equals or name not in (*PARAMETERS, "e"):
             raise BadInput(f"'{entry}' must be name=value with a name of {', '.join((*PARAMETERS, 'e'))}")
         yield name, value
-
-
-def _quantity(name: str, text: str) -> float:
-    """m, or for beta rad or, with the suffix, deg."""
-    if name == "beta" and text.endswith("deg"):
-        return radians(numbers([text[:-3]], name, 1)[0])
-    return numbers([text], name, 1)[0]
 
 
 def _picture(path: Path) -> Path:
