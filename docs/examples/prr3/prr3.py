@@ -13,7 +13,7 @@ from typing import ClassVar
 
 import irsbot_kinematics as irs
 from irsbot_kinematics.arithmetic import Arithmetic, N
-from irsbot_kinematics.courses import Rod
+from irsbot_kinematics.boxes import Rod
 from irsbot_kinematics.mechanism import Coordinate, Floats, Legs, Posture, Signs
 from irsbot_kinematics.mechanisms.turning_platform import Travel, TurningPlatform
 
@@ -133,10 +133,10 @@ class Prr3(TurningPlatform):
         drives = [abs(lever) * t + slack_m for lever, t in zip(at.levers, travel, strict=True)]
         return Travel(drives, max(travel) + slack_m, min(self.rods))
 
-    def rods_of(self, at: Posture, half: Sequence[float], beside: Sequence[float], slack_m: float) -> list[Rod]:
+    def rods_of(self, at: Posture, travel: Sequence[float], slack_m: float) -> list[Rod]:
         """The carriages take the near ends along the rails."""
-        joints = zip(self.rods, self.ways, half, beside, strict=True)
-        return [Rod(l, (h * ux, h * uy), aside + slack_m) for l, (ux, uy), h, aside in joints]
+        joints = zip(self.rods, self.ways, travel, strict=True)
+        return [Rod(l, (h * ux, h * uy), slack_m) for l, (ux, uy), h in joints]
 
     def sine_floors(self, at: Posture, travel: Sequence[float], turn_rad: float) -> Floats:
         """The sine is that of the rod's angle with the normal of its rail, and the rod turns by at most turn_rad."""

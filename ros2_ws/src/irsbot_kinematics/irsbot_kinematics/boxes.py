@@ -9,10 +9,11 @@ s_i near_i and its length grows by s_i growth_i; the rest of both is at most asi
 displacement and turn of the platform and a_i the change of the rod as a vector, the rod's length says exactly
 
     row_i . (d, t) = s_i (r_i . near_i + growth_i) + rest_i,
-    |rest_i| <= aside_i + growth_aside_i + |c_i| t^2/2 + |a_i|^2/(2 rod_i),
+    rest_i = r_i . aside_i + growth_aside_i - r_i . c_i t^2/2 - (|a_i|^2 - growth^2)/(2 rod_i)
 
-because the rod grows by no more than |a_i|: what is left of |a_i|^2 - (growth of the rod)^2 is between 0 and |a_i|^2.
-The rows give (d, t) = sum_j s_j (d_j, t_j) + (D, T) with |D| <= sum V_i |rest_i|, |T| <= sum W_i |rest_i|. Along any
+up to |c_i| t^3/6, with the full growth of the rod in the last term, which is no more than |a_i|: that term
+lies between -|a_i|^2/(2 rod_i) and 0. So every rest_i has a range, m_i its middle and h_i half of its width. The rows
+give (d, t) = sum_j s_j (d_j, t_j) + (D, T) with |D| <= |A^-1 m| + sum V_i h_i, and T likewise with W_i. Along any
 way from the posture to a point of the box the motion is continuous, so it cannot leave a box of (D, T) that these right
 sides map into its inside.
 
@@ -53,6 +54,8 @@ class Rod(NamedTuple):
     aside: float  # how far the near end may be from there
     growth: float = 0.0  # of its length, to first order
     growth_aside: float = 0.0
+    bend: float = 0.0  # the near end's rest along the rod is between 0 and minus this, but for
+    uncertain: float | None = None  # this much; `aside` if left out
 
 
 class Change(NamedTuple):
@@ -98,16 +101,25 @@ def reached(at: Posture, rods: Sequence[Rod], span: float = 0.0) -> Reached | No
     W = [abs(column[dims]) / size for column in columns] if turning else [0.0] * len(rods)
     lengths, turn = [_largest(way) for way in ways], sum(map(abs, turns))
     radii = [hypot(*arm) for arm in arms]
+    tilts = [arm[0] * screw[0] + arm[1] * screw[1] for arm, screw in zip(arms, at.screws, strict=True)]
 
     def mapped(D: float, T: float) -> tuple[float, float]:
         most = turn + T
+        square = 0.5 * most * most
         x = y = 0.0
-        for rod, radius, length, v, w in zip(rods, radii, lengths, V, W, strict=True):
-            bend = 0.5 * radius * most * most
-            change = length + D + radius * T + bend + rod.aside
-            rest = rod.aside + rod.growth_aside + bend + 0.5 * change * change / rod.length
-            x, y = x + v * rest, y + w * rest
-        return x, y
+        middles = []
+        for rod, radius, tilt, length, v, w in zip(rods, radii, tilts, lengths, V, W, strict=True):
+            change = length + D + radius * T + square * radius + rod.aside
+            low, high = -0.5 * change * change / rod.length - rod.growth_aside, rod.growth_aside
+            # What has a known sign pulls or pushes at most as far as this, and at least not at all.
+            for part in (-square * tilt, -rod.bend):
+                low, high = low + min(part, 0.0), high + max(part, 0.0)
+            half = 0.5 * (high - low) + (rod.aside if rod.uncertain is None else rod.uncertain)
+            half += radius * square * most / 3.0
+            middles.append(0.5 * (high + low))
+            x, y = x + v * half, y + w * half
+        shift = statics.combined(det, columns, middles) if len(middles) > 2 else statics.twist(at.screws, middles)
+        return x + hypot(*shift[:dims]), y + (abs(shift[dims]) if turning else 0.0)
 
     D, T, shortest = *mapped(0.0, 0.0), min([rod.length for rod in rods])
     for _ in range(BOXES):
@@ -145,7 +157,7 @@ def reached(at: Posture, rods: Sequence[Rod], span: float = 0.0) -> Reached | No
 
 
 def type2_over(at: Posture, changes: Sequence[Change], span: float) -> float:
-    """Lower bound of the smallest cos alpha_i, see the head of the file. changes: of the rows, seen from the platform."""
+    """Lower bound of the smallest cos alpha_i, see the head of the file. changes: of rows, seen from the platform."""
     n, turning = len(changes), bool(at.arms)
     rods = sqrt(2.0) if turning else 1.0  # size of a row, its moment about a rod's far end counted in spans
     scale = span * rods**n if turning else 1.0
@@ -161,7 +173,7 @@ def type2_over(at: Posture, changes: Sequence[Change], span: float) -> float:
     all_rows = [change.most + change.rest for change in changes]
     several = min(scale * _several(all_rows), abs(det) * _minors(columns, at.arms, changes, det))
     off = several + sum(map(mul, rest, speeds))
-    value = abs(det) - off
+    value: float = abs(det) - off
     if not value - sum(map(abs, gain)) > 0.0:
         return 0.0
     if n == 2:  # unit rows: v_i is the other one

@@ -81,7 +81,8 @@ def test_what_can_be_reached_is_bounded_on_its_own_branch():
     apart = [abs(np.angle(np.exp(1j * (a.pose[2] - b.pose[2])))) for a, b in zip(labelled, way, strict=True)]
     assert apart[0] < 1e-6 < 0.1 < apart[-1]
     met = min(at.type2 for at in way)
-    assert 0.5 * met <= StoppingPredictor(slow, robot.mechanism).predict(middle, Speeds(rest, rest), 0.0)[1] <= met
+    predictor = StoppingPredictor(slow, robot.mechanism)
+    assert 0.4 <= predictor.predict(middle, Speeds(rest, rest), 0.0, (0.0, 0.4, 0.0, 0.0))[1] <= met
 
 
 def test_an_operator_who_sees_the_platform_on_another_branch_is_refused():

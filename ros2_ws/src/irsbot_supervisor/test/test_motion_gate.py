@@ -29,7 +29,7 @@ def situation_of(supervisor: Supervisor, **changes) -> Situation:
     view = supervisor.view
     assert view is not None
     gate = Gate(supervisor.settings, supervisor.robot.mechanism)
-    found = Situation(view.at, view.velocity, gate.share(view), gate.limits(view))
+    found = Situation(view.at, view.velocity, gate.share(view), gate.limits(view), view.ahead_s)
     return found._replace(**changes)
 
 
@@ -186,14 +186,14 @@ def test_on_the_way_out_a_motion_that_loses_margin_is_held_and_one_that_gains_pa
     keep = (margin - 0.002, *limits_of(supervisor.settings, "stop")[1:])
     toward = Command((1.0,), (tuple(q + 0.3 * (inside - q)),), ())
     away = Command((1.0,), (tuple(q - 0.1 * (inside - q)),), ())
-    held = passed(supervisor, toward, limits=keep, share=0.05)
+    held = passed(supervisor, toward, limits=keep, share=0.05, ahead_s=None)
     assert held.path is None or np.abs(np.array(held.path.positions[-1]) - q).max() < 0.01
     gains = [
         min(map(abs, supervisor.robot.mechanism.posture(c.positions[0], supervisor.settings.assembly_mode).sines))
         for c in (toward, away)
     ]
     assert gains[0] < margin < gains[1], "the two ways do not lose and gain: the test proves nothing"
-    assert passed(supervisor, away, limits=keep, share=0.05).path is not None
+    assert passed(supervisor, away, limits=keep, share=0.05, ahead_s=None).path is not None
 
 
 @pytest.mark.parametrize(

@@ -246,9 +246,7 @@ def test_new_settings_may_lengthen_what_has_to_be_learned_at_the_beginning(stale
 
 
 @pytest.mark.parametrize(("stream_ms", "gap_ms"), [(20, 45), (1, 49), (5, 30)])
-def test_who_watches_a_robot_that_already_moves_allows_motion_only_when_the_gaps_between_samples_are_known(
-    stream_ms, gap_ms
-):
+def test_who_watches_a_robot_that_already_moves_judges_only_when_the_gaps_between_samples_are_known(stream_ms, gap_ms):
     supervisor = supervisor_of()
     q = joints_of(supervisor, 0.0, -0.85)
     supervisor.step(tick(0))
@@ -258,7 +256,7 @@ def test_who_watches_a_robot_that_already_moves_allows_motion_only_when_the_gaps
             supervisor.step(sample(ms, (q[0] + 1e-4 * ms, q[1]), (0.1, 0.0)))
         if supervisor.view is not None:
             break
-    assert supervisor.view.judgement.level <= Level.WARN  # joints get far in such a gap
+    assert supervisor.view.judgement.level < Level.UNKNOWN  # it may stop: joints get far in such a gap
     assert supervisor.view.ahead_s >= 1e-3 * gap_ms
     assert ms <= SETTLING_MS + DWELL_MS + 2 * gap_ms
 
@@ -288,7 +286,7 @@ def test_velocities_that_are_missing_are_a_warning_once_they_can_be_derived():
     supervisor = supervisor_of()
     q = joints_of(supervisor, 0.0, -0.85)
     first = supervisor.step(sample(0, q, ()))
-    assert (first.state.level, first.state.causes) == (Level.WARN, Cause.DEGRADED)
+    assert (first.state.level, first.state.causes) == (Level.UNKNOWN, Cause.DEGRADED)
     assert isnan(first.state.joint_velocity[0])
     assert first.state.stop_margin >= 0.0  # as if it were as fast as it can
     later = [supervisor.step(sample(ms, (q[0] + 1e-3 * ms, q[1]), ())) for ms in range(1, 200)]

@@ -287,11 +287,13 @@ class CrankPlatform(TurningPlatform):
 
     def rods_of(self, at: Posture, travel: Sequence[float], slack_m: float) -> list[Rod]:
         """The near ends run on the circles of the cranks."""
-        l1, level = self.crank, (0.0,) * (len(at.pose) - 3)
-        return [
-            Rod(self.rod, (-l1 * h * sin(q), l1 * h * cos(q), *level), 0.5 * l1 * h * h + slack_m)
-            for q, h in zip(at.joints, travel, strict=True)
-        ]
+        l1, level, rods = self.crank, (0.0,) * (len(at.pose) - 3), []
+        for q, h, (rx, ry, *_) in zip(at.joints, travel, at.screws, strict=True):
+            ux, uy, curve = cos(q), sin(q), 0.5 * l1 * h * h
+            near = -l1 * h * uy, l1 * h * ux, *level
+            bend, uncertain = curve * (ux * rx + uy * ry), curve * h / 3.0 + slack_m
+            rods.append(Rod(self.rod, near, curve + slack_m, bend=bend, uncertain=uncertain))
+        return rods
 
     def sines_over(self, at: Posture, travel: Sequence[float], met: Reached) -> Floats:
         """The sine is the cross product of the directions of crank and rod: linear in each. A crank that turns by h is

@@ -28,12 +28,12 @@ from irsbot_supervisor.core.motion import BadTrajectory
 from irsbot_supervisor.core.policy import KINDS, WORDS
 from irsbot_supervisor.core.reach import Reach, position_error
 from irsbot_supervisor.core.settings import Settings
-from irsbot_supervisor.core.stopping import PATIENT_CUTS, BoxBounds, floor_of, limits_of
+from irsbot_supervisor.core.stopping import BoxBounds, floor_of, limits_of
 
 STRETCH = 64
 """Segments that are tried in one box first."""
 
-SMALL = 0.02
+SMALL = 0.1
 """1: parts of a motion that are this much shorter than what joints can reach from them are not cut further."""
 
 CUTS = 24
@@ -173,6 +173,7 @@ class _Walk:
         ahead_s: float | None,
     ) -> None:
         self._mechanism = robot.mechanism
+        self._cuts = 2 ** len(robot.mechanism.joints)  # each joint once
         self._bounds = BoxBounds(robot.mechanism, settings.geometry_tolerance_m)
         self._reach, self._ahead_s, self._latency_s = Reach(settings), ahead_s, settings.latency_s
         self._excess = np.array(excess(settings, 0.5 * ahead_s)) if ahead_s is not None else np.zeros(0)
@@ -199,7 +200,7 @@ class _Walk:
     def _start(self) -> Violation | None:
         """The motion must begin in the configured branch; afterwards positive margins keep it there."""
         first = self._motion.q[0]
-        at, floor, _ = self._bound(first, first, np.zeros_like(first), np.zeros_like(first), PATIENT_CUTS)
+        at, floor, _ = self._bound(first, first, np.zeros_like(first), np.zeros_like(first), self._cuts)
         begin = float(self._motion.times[0])
         if at.status != Status.SOLVED or at.working_mode != self._working:
             what = "no pose belongs to the joints" if at.status != Status.SOLVED else f"working mode {at.working_mode}"
@@ -232,7 +233,7 @@ class _Walk:
         at, floor, small = self._bound(*box, *rates, 0)
         middle = 0.5 * (start + end)
         if not self._settled(floor, begin + middle * length) and small:
-            at, floor, _ = self._bound(*box, *rates, PATIENT_CUTS)
+            at, floor, _ = self._bound(*box, *rates, self._cuts)
         if self._settled(floor, begin + middle * length):
             self._advance(at, motion.part(segment, end, end)[0])
             return None
@@ -259,6 +260,8 @@ class _Walk:
             errors = np.array(self._reach.errors)
             down, up = np.array(back) + errors, np.array(ahead) + errors
             small = bool((high - low <= SMALL * (down + up)).all())
+        if self._ahead_s is None:
+            return at, self._bounds.around(at, tuple((0.5 * (high - low) + self._error).tolist())), False
         box = tuple((low - down).tolist()), tuple((high + up).tolist())
         return at, self._bounds.least(at, *box, ((self._stop, cuts),)), small
 

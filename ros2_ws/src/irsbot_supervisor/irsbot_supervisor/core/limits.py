@@ -18,9 +18,10 @@ from irsbot_kinematics import Mechanism, Robot
 from irsbot_kinematics.mechanism import Floats
 from irsbot_supervisor.core.assess import margins_of
 from irsbot_supervisor.core.estimation.estimate import Speeds
+from irsbot_supervisor.core.reach import position_error
 from irsbot_supervisor.core.room import Room, candidates, postures, room
 from irsbot_supervisor.core.settings import InvalidSettings, Settings, completed
-from irsbot_supervisor.core.stopping import StoppingPredictor, limits_of
+from irsbot_supervisor.core.stopping import BoxBounds, StoppingPredictor, limits_of
 
 FEWEST = 50
 """Postures in the configured modes: with fewer nothing is concluded, there may be a roomier place between them."""
@@ -69,14 +70,18 @@ def _said(settings: Settings, mechanism: Mechanism, joint: int, found: Room) -> 
     predictor = StoppingPredictor(settings, mechanism)
     needs = predictor.travel(Speeds(settings.velocity_limit, settings.velocity_limit), 0.0)[0][joint]
     kind, margin, stop = KINDS[found.kind], margins_of(found.at)[found.kind], limits_of(settings, "stop")[found.kind]
-    gain, latency = settings.acceleration_limit[joint], settings.latency_s
     if found.share == 0.0:
-        rest = (0.0,) * len(mechanism.joints)
-        way = predictor.travel(Speeds(rest, rest), 0.0)[0][joint]
+        errors = (position_error(settings),) * len(mechanism.joints)
+        alone = BoxBounds(mechanism, settings.geometry_tolerance_m).around(found.at, errors)
+        if not alone[found.kind] >= stop:
+            said = f"encoder_resolution {settings.encoder_resolution!r}, encoder_offset {settings.encoder_offset!r}"
+            said += f" and geometry_tolerance_m {settings.geometry_tolerance_m!r}"
+            return f"{said} alone take the {kind} margin of {margin:.3g}, at its best, below {kind}_stop ({stop!r})"
+        gains, latency, least = settings.acceleration_limit, settings.latency_s, settings.deceleration_limit
         return (
-            f"joint '{name}' can get {way:.3g} {unit} from rest until it is stopped (acceleration_limit {gain!r}, "
-            f"latency_s {latency!r}, deceleration_limit {brake!r}); with the errors of encoders and geometry that takes "
-            f"the {kind} margin of {margin:.3g}, at its best, below {kind}_stop ({stop!r})"
+            f"from rest already, what the joints can gain until they are stopped (acceleration_limit {gains!r}, "
+            f"latency_s {latency!r}, deceleration_limit {least!r}) takes the {kind} margin of {margin:.3g}, at its "
+            f"best, below {kind}_stop ({stop!r})"
         )
     brakes = f"deceleration_limit {brake!r}, latency_s {settings.latency_s!r}"
     return (

@@ -23,6 +23,9 @@ PACES = (1.0, 0.8, 0.63, 0.5, 0.4, 0.32, 0.25, 0.2, 0.16, 0.125, 0.1)
 SEARCHES = 8
 """How finely the end of a shortened motion is found: to 1/256 of the way."""
 
+ROOM = 0.01
+"""1: what the end of a shortened way out of a stop keeps above its limits."""
+
 REST_POINTS = 12
 """Points of the cubics that bring a shortened motion to rest."""
 
@@ -116,6 +119,9 @@ class MotionGate:
     def _shortened(self, path: JointPath, violation_s: float, situation: Situation) -> JointPath | None:
         """The longest part of a path, brought to rest, that keeps the limits; None if there is none."""
         low, high, best = 0.0, violation_s, None
+        if situation.ahead_s is None:
+            type1, type2, constraint, limb = (limit + ROOM for limit in situation.limits)
+            situation = situation._replace(limits=(type1, type2, constraint, limb))
         for _ in range(SEARCHES):
             end_s = 0.5 * (low + high)
             rest = self._at_rest(path, end_s)

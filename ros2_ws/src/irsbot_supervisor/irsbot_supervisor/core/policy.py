@@ -66,7 +66,8 @@ class Policy:
         if not all(map(le, map(abs, estimate.velocity), self._speed)):
             findings += self._speeding(estimate.velocity)
         if estimate.degraded:
-            findings.append(_finding(Cause.DEGRADED, Level.WARN, estimate.degraded))
+            known = all(rate == rate for rate in estimate.velocity)
+            findings.append(_finding(Cause.DEGRADED, Level.WARN if known else Level.UNKNOWN, estimate.degraded))
         if self._reaction_level:
             findings += self._reactions(reaction, assessment.at.sines)
         return findings

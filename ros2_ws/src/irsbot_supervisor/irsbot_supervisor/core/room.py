@@ -7,7 +7,7 @@ found each time anew.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from math import isfinite, pi
 from typing import Any, NamedTuple
@@ -117,16 +117,20 @@ def room(
     places: at least one. patterns: share of its velocity limit that each joint has at share 1, with its sign.
     ahead_s: how long the robot goes on unseen. most: share at which the search ends.
     """
-    predictor, stop = StoppingPredictor(settings, mechanism, patient=True), limits_of(settings, "stop")
+    stop = limits_of(settings, "stop")
 
-    def speeds(pattern: Floats, share: float) -> Speeds:
+    def predictor(pattern: Floats, share: float) -> tuple[StoppingPredictor, Speeds]:
+        """Of a robot whose moving joints are as fast as they may be."""
         rates = [share * p * v for p, v in zip(pattern, settings.velocity_limit, strict=True)]
-        return Speeds(tuple([max(rate, 0.0) for rate in rates]), tuple([max(-rate, 0.0) for rate in rates]))
+        most = [abs(r) if p else v for r, p, v in zip(rates, pattern, settings.velocity_limit, strict=True)]
+        speeds = Speeds(tuple([max(rate, 0.0) for rate in rates]), tuple([max(-rate, 0.0) for rate in rates]))
+        return StoppingPredictor(replace(settings, velocity_limit=tuple(most)), mechanism, patient=True), speeds
 
     def ends(at: Posture, share: float) -> int:
         """The margin that ends a motion of this share, -1 for none."""
         for pattern in patterns:
-            floor = predictor.predict(at, speeds(pattern, share), ahead_s, stop)
+            seer, speeds = predictor(pattern, share)
+            floor = seer.predict(at, speeds, ahead_s, stop)
             spare = [have - want for have, want in zip(floor, stop, strict=True)]
             if not min(spare) >= 0.0:
                 return spare.index(min(spare))
@@ -155,7 +159,8 @@ def room(
     if best is None:
         raise ValueError("room needs a posture to start from")
     most_of_all = tuple([max(abs(p[k]) for p in patterns) for k in range(len(mechanism.joints))])
-    return Room(best, low, tuple(predictor.travel(speeds(most_of_all, low), ahead_s)[0]), kind)
+    seer, speeds = predictor(most_of_all, low)
+    return Room(best, low, tuple(seer.travel(speeds, ahead_s)[0]), kind)
 
 
 def margins_of_many(found: Evaluations) -> Array:

@@ -125,7 +125,8 @@ class Estimator:
     ) -> Estimate:
         """Positions and stamps before the sample tell no velocities."""
         self._jumps.restart()
-        self._reported.restart()
+        if not degraded:
+            self._reported.restart()
         if suspicion is CERTAIN:
             self._frozen.restart()
         speeds = self._observer.restart(sample.stamp_ns, sample.position)
