@@ -20,6 +20,7 @@ the plane falls by at most v + w; a vector changed by a share u < 1 of its size 
 from __future__ import annotations
 
 from math import asin, inf, pi, sin, sqrt
+from typing import NamedTuple
 
 BALANCE = 0.1
 """1: translation and turn of a box are at least this share of one another (turns times the radius): a motion that
@@ -30,6 +31,25 @@ HALF = 0.5
 """1: share of its size up to which `level_after` follows the change of a normal."""
 CHORD = pi / 3.0
 """asin(u) <= CHORD u for 0 <= u <= HALF, because asin is convex there and asin(1/2) = pi/6."""
+
+
+class Errors(NamedTuple):
+    """What the errors of the geometry that `Mechanism.guarantee` names do to one leg, m.
+
+    A rod whose ends are off is a rod whose near end alone is off by as much: a + R' e - near end, see above. Where it
+    holds the platform matters once more, because its moment is taken there.
+    """
+
+    ends: float
+    """By which the ends of its rod are off against each other, in any direction, at the joints' positions."""
+    length: float
+    """By which its rod is longer or shorter."""
+    arm: float
+    """By which it holds the platform elsewhere, seen along the axis about which the platform turns."""
+
+
+EXACT = Errors(0.0, 0.0, 0.0)
+"""The geometry is as it is said."""
 
 
 def displacement(start: float, linear: float, square: float) -> float:

@@ -21,7 +21,7 @@ from irsbot_kinematics import statics
 from irsbot_kinematics.arithmetic import ARRAYS, FLOATS, Arithmetic, Array, N
 from irsbot_kinematics.assemblies import SAMPLED_TURNS, trigonometric_roots
 from irsbot_kinematics.courses import Rod
-from irsbot_kinematics.guarantees import lowered
+from irsbot_kinematics.guarantees import EXACT, Errors, lowered
 from irsbot_kinematics.mechanism import Coordinate, Floats, Legs, Posture, Signs, Status, sign_of
 from irsbot_kinematics.mechanisms.turning_platform import Travel, TurningPlatform
 from irsbot_kinematics.tolerances import CLOSURE_TOL_M, FOLLOWED_TOL_M, SAME_POSE_TOL, UNREAL_TOL, VANISHED_TOL
@@ -282,19 +282,29 @@ class CrankPlatform(TurningPlatform):
     def travel_of(self, at: Posture, travel: Sequence[float], slack_m: float) -> Travel:
         """C_i moves by at most crank travel_i; along the rod by |B_ii| travel_i + crank travel_i^2/2."""
         half = 0.5 * self.crank
-        drives = [(abs(lever) + half * t) * t + slack_m for lever, t in zip(at.levers, travel, strict=True)]
-        return Travel(drives, self.crank * max(travel) + slack_m, self.rod)
+        ends, length, _ = self.geometry_errors(slack_m) if slack_m else EXACT
+        off = ends + length
+        drives = [(abs(lever) + half * t) * t + off for lever, t in zip(at.levers, travel, strict=True)]
+        return Travel(drives, self.crank * max(travel) + ends, self.rod)
+
+    def geometry_errors(self, slack_m: float) -> Errors:
+        """Level, the places of both joints and the crank's length, which moves its end along the crank; along z both
+        places, where there is a z."""
+        place = sqrt(2.0) * slack_m
+        level = 2.0 * place + slack_m
+        return Errors(hypot(level, 2.0 * slack_m) if len(self.feet) == 4 else level, slack_m, place)
 
     def rods_of(self, at: Posture, half: Sequence[float], beside: Sequence[float], slack_m: float) -> list[Rod]:
         """The near ends run on the circles of the cranks."""
         l1, level, rods = self.crank, (0.0,) * (len(at.pose) - 3), []
+        ends, length, _ = self.geometry_errors(slack_m) if slack_m else EXACT
         for q, h, b in zip(at.joints, half, beside, strict=True):
             most = abs(h) + b
             near = -l1 * h * sin(q), l1 * h * cos(q), *level
-            rods.append(Rod(self.rod, near, l1 * (0.5 * most * most + b) + slack_m))
+            rods.append(Rod(self.rod, near, l1 * (0.5 * most * most + b) + ends, 0.0, length))
         return rods
 
-    def sine_floors(self, at: Posture, travel: Sequence[float], turn_rad: float) -> Floats:
+    def sine_floors(self, at: Posture, travel: Sequence[float], turn_rad: float, slack_m: float = 0.0) -> Floats:
         """The sine is |elevation| of the rod over the upright plane through its crank: both turn by bounded angles."""
         return tuple([lowered(sine, turn_rad + t, 0.0) for sine, t in zip(at.type1, travel, strict=True)])
 

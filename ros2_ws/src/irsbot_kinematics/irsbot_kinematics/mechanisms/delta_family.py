@@ -15,7 +15,7 @@ from typing import NamedTuple
 from irsbot_kinematics.arithmetic import FLOATS, Arithmetic, N
 from irsbot_kinematics.courses import Rod, swept
 from irsbot_kinematics.geometry import require, require_finite, require_size
-from irsbot_kinematics.guarantees import displacement, level_after
+from irsbot_kinematics.guarantees import Errors, displacement, level_after
 from irsbot_kinematics.mechanism import (
     Coordinate,
     Floats,
@@ -242,14 +242,18 @@ class DeltaFamily(Mechanism):
         size = abs(at.det)
         c1, c2, c3 = at.cos_pressure
         s1, s2, s3 = at.type1
-        t1, t2, t3 = travel
-        h1, h2, h3 = t1 + slack_m, t2 + slack_m, t3 + slack_m
+        h1, h2, h3 = t1, t2, t3 = travel
+        e1 = e2 = e3 = 0.0
+        if slack_m:
+            off1, off2, off3 = self.geometry_errors(at.joints, travel, slack_m)
+            h1, h2, h3 = t1 + off1.ends, t2 + off2.ends, t3 + off3.ends
+            e1, e2, e3 = off1.ends + off1.length, off2.ends + off2.length, off3.ends + off3.length
         if not size > 0.0:
             return self._nothing
         move = displacement(
-            (s1 * t1 + slack_m + 0.5 * h1 * h1 / L) / c1
-            + (s2 * t2 + slack_m + 0.5 * h2 * h2 / L) / c2
-            + (s3 * t3 + slack_m + 0.5 * h3 * h3 / L) / c3,
+            (s1 * t1 + e1 + 0.5 * h1 * h1 / L) / c1
+            + (s2 * t2 + e2 + 0.5 * h2 * h2 / L) / c2
+            + (s3 * t3 + e3 + 0.5 * h3 * h3 / L) / c3,
             (h1 / c1 + h2 / c2 + h3 / c3) / L,
             0.5 * (1.0 / c1 + 1.0 / c2 + 1.0 / c3) / L,
         )
@@ -267,9 +271,27 @@ class DeltaFamily(Mechanism):
                 asin(c1) - turn1 - asin(share1), asin(c2) - turn2 - asin(share2), asin(c3) - turn3 - asin(share3)
             )
             type2 = sin(left) if left > 0.0 else 0.0
-        away = move + slack_m
-        type1 = (self._sine(at.reach[0] - away), self._sine(at.reach[1] - away), self._sine(at.reach[2] - away))
+        a1 = a2 = a3 = move
+        if slack_m:
+            a1, a2, a3 = [move + error for error in self.rail_errors(at, slack_m)]
+        r1, r2, r3 = at.reach
+        type1 = (self._sine(r1 - a1, slack_m), self._sine(r2 - a2, slack_m), self._sine(r3 - a3, slack_m))
         return Guarantee(type1, type2, nan, type1[: self.limb_count])
+
+    def geometry_errors(self, joints: Sequence[float], travel: Sequence[float], slack_m: float) -> list[Errors]:
+        """What a geometry that is off by slack_m does to every leg while its slide is within `travel` of its joint."""
+        return [Errors(self._off_rail(q, t, slack_m), slack_m, 0.0) for q, t in zip(joints, travel, strict=True)]
+
+    def rail_errors(self, at: Posture, slack_m: float) -> list[float]:
+        """m by which each rail is off where the platform point is nearest to it."""
+        return [self._off_rail(q - self.rod * sine, 0.0, slack_m) for q, sine in zip(at.joints, at.sines, strict=True)]
+
+    def _off_rail(self, q: float, travel: float, slack_m: float) -> float:
+        """m by which a point of a rail is off whose ends are off by sqrt(3) slack_m: no more between the ends, beyond
+        them in proportion to the distance from the middle."""
+        lower, upper = self.geometry.limits
+        beyond = (abs(2.0 * q - lower - upper) + 2.0 * travel) / (upper - lower)
+        return sqrt(3.0) * slack_m * max(beyond, 1.0)
 
     def guarantee_along(
         self, at: Posture, half: Sequence[float], beside: Sequence[float], slack_m: float = 0.0
@@ -289,9 +311,11 @@ class DeltaFamily(Mechanism):
             type1.append(min(self._sine(self.rod - max(ends) - far), sine))
         return Guarantee(tuple(type1), met.type2, nan, tuple(type1[: self.limb_count]))
 
-    def _sine(self, reach: float) -> float:
-        """Sine of a leg whose rail is L - reach away from the platform point; 0 out of reach."""
-        return sqrt(reach * (2.0 * self.rod - reach)) / self.rod if reach > 0.0 else 0.0
+    def _sine(self, reach: float, shorter: float = 0.0) -> float:
+        """Sine of a leg whose rail is L - reach away from the platform point, and whose rod is `shorter` than L; 0 out
+        of reach."""
+        rod, left = self.rod - shorter, reach - shorter
+        return sqrt(left * (2.0 * rod - left)) / rod if left > 0.0 else 0.0
 
     def clearance(self, at: Posture) -> float:
         """Type 1 and limbs: exact, the smallest reach. Type 2: while P stays in a ball, rod i turns by at most

@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from math import acos, atan2, cos, hypot, inf, isfinite, nan, pi, sin, sqrt, tau
+from math import acos, asin, atan2, cos, hypot, inf, isfinite, nan, pi, sin, sqrt, tau
 from typing import NamedTuple
 
 from irsbot_kinematics.arithmetic import FLOATS, Arithmetic, N
-from irsbot_kinematics.guarantees import displacement
+from irsbot_kinematics.guarantees import Errors, displacement, lowered
 from irsbot_kinematics.mechanism import (
     Coordinate,
     Floats,
@@ -76,6 +76,19 @@ class PlanarPair(Mechanism):
     @abstractmethod
     def constraint_guarantee(self, parts: Floats, turn_rad: float) -> float:
         """Lower bound of the constraint margin while the rods turn by at most turn_rad together; NaN: there is none."""
+
+    @abstractmethod
+    def foot_error(self, slack_m: float) -> float:
+        """m by which A_k, where the loop sees its crank start, is off if the geometry is off by slack_m."""
+
+    def parts_left(self, at: Posture, turn_rad: float, slack_m: float) -> Floats:
+        """`constraint_parts` of a machine whose geometry is off, at rods' directions at most turn_rad together from the
+        posture's: at.parts, less what the errors take at fixed directions."""
+        return at.parts
+
+    def geometry_errors(self, slack_m: float) -> Errors:
+        """What a geometry that is off by slack_m does to a leg: the crank's length moves the elbow along the crank."""
+        return Errors(self.foot_error(slack_m) + slack_m, slack_m, 0.0)
 
     # --- equations, floats or arrays -------------------------------------------------------------------------
 
@@ -197,25 +210,51 @@ class PlanarPair(Mechanism):
     def guarantee(self, at: Posture, travel: Sequence[float], slack_m: float = 0.0) -> Guarantee:
         """Closed-form bounds. The elbow distance d changes by at most the elbows' paths; cos alpha depends on d alone
         and is unimodal; the platform moves by at most the elbows' paths over the smallest cos alpha met; each Type 1
-        sine depends on |A_k P| alone and is unimodal; each rod turns by at most (platform + elbow path) / rod.
-        An error of a leg displaces its elbow by at most the slack; A_k P is then seen from a displaced A_k."""
+        sine depends on |A_k P| alone and is unimodal; each rod turns by at most (platform + elbow path) / rod."""
+        if slack_m:
+            return self._guarantee_if_wrong(at, travel, slack_m)
         _b0, _e, l1, l2 = self.loop
-        elbows = l1 * (travel[0] + travel[1])
-        path = elbows + 2.0 * slack_m
+        path = l1 * (travel[0] + travel[1])
         d, full, parts = at.gaps[1], 2.0 * l2, at.parts
         low, high = d - path, d + path
         if not (low > 0.0 and high < full):
-            return Guarantee((0.0, 0.0), 0.0, self.constraint_guarantee(parts, inf), ())
+            return self._nothing(parts)
         low *= sqrt((full - low) * (full + low))
         high *= sqrt((full - high) * (full + high))
         type2 = (low if low < high else high) / (full * l2)
-        apart = path / type2 + slack_m
+        apart = path / type2
         return Guarantee(
             (self._sine_floor(parts[-2], apart), self._sine_floor(parts[-1], apart)),
             type2,
-            self.constraint_guarantee(parts, (2.0 * apart + elbows) / l2),  # turn of both rods together
+            self.constraint_guarantee(parts, (2.0 * apart + path) / l2),  # turn of both rods together
             (),
         )
+
+    def _guarantee_if_wrong(self, at: Posture, travel: Sequence[float], slack_m: float) -> Guarantee:
+        """The same for a geometry that is off. Its errors are further paths of the elbows; a rod that grows moves the
+        platform as an elbow does that moves along it. A_k P is then seen from a displaced A_k, in a triangle of other
+        sides. The triangle of elbows and platform, too, says how far a rod turns, and the better bound counts."""
+        _b0, _e, l1, l2 = self.loop
+        ends, length, _ = self.geometry_errors(slack_m)
+        path = l1 * (travel[0] + travel[1]) + 2.0 * ends
+        d, parts, short = at.gaps[1], at.parts, l2 - length
+        low, high = d - path, d + path
+        if not (low > 2.0 * length and high < 2.0 * short):
+            return self._nothing(parts)
+        type2 = _least_sine(low, high, l2, length)
+        move = (path + 2.0 * length) / type2
+        turn = asin(path / d) + _opening(d, low, high, l2, length)  # of one rod
+        both = min((2.0 * move + path) / short, 2.0 * turn)
+        apart = move + self.foot_error(slack_m)
+        type1 = [
+            max(self._sine_floor(r, apart, length), lowered(abs(sine), turn + t))
+            for r, sine, t in zip(parts[-2:], at.sines, travel, strict=True)
+        ]
+        parts = self.parts_left(at, both, slack_m)
+        return Guarantee((type1[0], type1[1]), type2, self.constraint_guarantee(parts, both), ())
+
+    def _nothing(self, parts: Floats) -> Guarantee:
+        return Guarantee((0.0, 0.0), 0.0, self.constraint_guarantee(parts, inf), ())
 
     def guarantee_along(
         self, at: Posture, half: Sequence[float], beside: Sequence[float], slack_m: float = 0.0
@@ -271,16 +310,24 @@ class PlanarPair(Mechanism):
             least = min(least, self.constraint_guarantee(mean, turn))
         return least
 
-    def _sine_floor(self, r: float, move: float) -> float:
-        """Smallest |sin(q - psi)| while |A P| stays within `move` of r."""
-        return self._sine_between(r - move, r + move)
+    def _sine_floor(self, r: float, move: float, error: float = 0.0) -> float:
+        """Smallest |sin(q - psi)| while |A P| stays within `move` of r, and crank and rod within `error` of theirs.
+
+        |f| of f = (r^2 - a^2 - b^2)/(2 a b) is largest at a corner of a box of (r, a, b): f grows with r; in a and in b
+        it is monotone, or concave with a maximum that is not positive, so that |f| is largest at an end.
+        """
+        near, far = r - move, r + move
+        if not error:
+            return self._sine_between(near, far)
+        l1, l2, least = self.loop.crank, self.loop.rod, 1.0
+        for a in (l1 - error, l1 + error):
+            for b in (l2 - error, l2 + error):
+                least = min(_sine_in(near, far, a * a + b * b, 2.0 * a * b), least)
+        return least
 
     def _sine_between(self, near: float, far: float) -> float:
         """Smallest |sin(q - psi)| for |A P| in a range: S^2 = 1 - ((r^2 - l1^2 - l2^2)/(2 l1 l2))^2."""
-        middle, span = self._squares
-        low, high = middle - near * near, far * far - middle
-        worst = low if low > high else high
-        return sqrt((span - worst) * (span + worst)) / span if near > 0.0 and worst < span else 0.0
+        return _sine_in(near, far, *self._squares)
 
     def clearance(self, at: Posture) -> float:
         """Type 1: exact. Type 2 with parallel rods: exact distance to the locus arcs of this working mode. Type 2 with
@@ -319,6 +366,38 @@ class PlanarPair(Mechanism):
         rod = self.loop.rod
         turn = 2.0 * atan2(sqrt(slack * (2.0 * rod + d)), d) if slack > 0.0 else 0.0
         return min(ball, rod * turn * s1 * s2 / (s1 + s2))  # rod |psi_k'| <= |P'| / |S_k|
+
+
+def _sine_in(near: float, far: float, middle: float, span: float) -> float:
+    """Smallest sin of the angle between sides a, b of triangles whose third side is between near and far.
+
+    middle: a^2 + b^2; span: 2 a b, m^2."""
+    low, high = middle - near * near, far * far - middle
+    worst = low if low > high else high
+    return sqrt((span - worst) * (span + worst)) / span if near > 0.0 and worst < span else 0.0
+
+
+def _least_sine(low: float, high: float, rod: float, error: float) -> float:
+    """Smallest sin of the angle between rods a, b within `error` of `rod` whose near ends are low to high apart.
+
+    cos = 1 - (d^2 - (a - b)^2)/(2 a b) is at most 1 - (low^2 - (2 error)^2)/(2 long^2) and, because a/b + b/a >= 2, at
+    least 1 - high^2/(2 short^2).
+    """
+    long, short = rod + error, rod - error
+    low = sqrt((low - 2.0 * error) * (low + 2.0 * error))
+    return min(
+        low * sqrt((2.0 * long - low) * (2.0 * long + low)) / (2.0 * long * long),
+        high * sqrt((2.0 * short - high) * (2.0 * short + high)) / (2.0 * short * short),
+    )
+
+
+def _opening(d: float, low: float, high: float, rod: float, error: float) -> float:
+    """By how much the angle between a rod and the line of the near ends can differ from acos(d/(2 rod)), rad, where the
+    near ends are low to high apart and the rods a, b within `error` of `rod`: cos = d/(2 a) + (a^2 - b^2)/(2 a d)."""
+    long, short = rod + error, rod - error
+    other = 2.0 * rod * error / (short * low)
+    now = acos(min(0.5 * d / rod, 1.0))
+    return max(acos(max(0.5 * low / long - other, -1.0)) - now, now - acos(min(0.5 * high / short + other, 1.0)))
 
 
 def _span(x: float, z: float, dx: float, dz: float, rest: float) -> tuple[float, float]:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from irsbot_kinematics import statics
 from irsbot_kinematics.courses import Rod, swept
-from irsbot_kinematics.guarantees import displacement_and_turn, level_after, lowered
+from irsbot_kinematics.guarantees import Errors, displacement_and_turn, level_after, lowered
 from irsbot_kinematics.mechanism import Floats, Guarantee, Mechanism, Posture
 
 _ROWS = {n: (n - 1) * sqrt(2.0) ** (n - 1) for n in (3, 4)}
@@ -51,7 +51,11 @@ class TurningPlatform(Mechanism):
         """What joints that move by at most `travel` ask of the rods."""
 
     @abstractmethod
-    def sine_floors(self, at: Posture, travel: Sequence[float], turn_rad: float) -> Floats:
+    def geometry_errors(self, slack_m: float) -> Errors:
+        """What a geometry that is off by slack_m (`Mechanism.guarantee`) does to a leg."""
+
+    @abstractmethod
+    def sine_floors(self, at: Posture, travel: Sequence[float], turn_rad: float, slack_m: float = 0.0) -> Floats:
         """Lower bounds of the Type 1 sines while no rod turns by more than turn_rad."""
 
     @abstractmethod
@@ -78,7 +82,7 @@ class TurningPlatform(Mechanism):
         There cos alpha_i is the sine of the elevation of rod i over the line or plane across the velocity of its end
         when leg i yields. That velocity times det is the force part of the cross product of the other rows taken at
         c_i; with moments over `span` a row is no longer than sqrt(2) and changes by no more than sqrt(2) times its
-        turn. All rods may turn alike, so the smallest cosine stays the smallest.
+        turn, and by what changes its arm. All rods may turn alike, so the smallest cosine stays the smallest.
         """
         n, size = len(at.levers), abs(at.det)
         asked = self.travel_of(at, travel, slack_m)
@@ -90,8 +94,9 @@ class TurningPlatform(Mechanism):
         rod_turn = asin(share)
         seen = rod_turn + t
         cosine = min(at.cos_pressure)
-        type2 = lowered(cosine, seen, self._share(n, cosine, size, seen))
-        type1 = self.sine_floors(at, travel, rod_turn)
+        arm = self.geometry_errors(slack_m).arm if slack_m else 0.0
+        type2 = lowered(cosine, seen, self._share(n, cosine, size, seen, arm))
+        type1 = self.sine_floors(at, travel, rod_turn, slack_m)
         limb = self.limb_floors(at, travel, slack_m, type1)
         return Guarantee(type1, type2, self.constraint_floor(at, rod_turn), limb)
 
@@ -120,8 +125,12 @@ class TurningPlatform(Mechanism):
         bend = 0.5 * path * path / rod
         return displacement_and_turn(x + move * bend, y + turn * bend, move, turn, path, rod, self.radius)
 
-    def _share(self, n: int, cosine: float, size: float, turn: float) -> float:
-        """Change over size of the velocity across which the elevation is taken, when all rods turn by `turn`."""
+    def _share(self, n: int, cosine: float, size: float, turn: float, arm: float = 0.0) -> float:
+        """Change over size of the velocity across which the elevation is taken, when all rods turn by `turn` and hold
+        the platform elsewhere, each by at most `arm`: rows then change by sqrt(2) turn + 2 arm/span and are no longer
+        than sqrt(2) (1 + 2 arm/span)."""
+        if arm:
+            turn = (turn + sqrt(2.0) * arm / self.span) * (1.0 + 2.0 * arm / self.span) ** (n - 2)
         return self.span * _ROWS[n] * turn * cosine / size
 
     def _nothing(self, n: int) -> Guarantee:
