@@ -157,9 +157,9 @@ class Prr3(TurningPlatform):
         """l sin of the angle between rod and rail is the distance of B from the rail: rate 1/(l sine) in a ball of half
         the reach, with the smallest sine there."""
         ball = 0.5 * min(at.reach)
-        if not ball > 0.0:
-            return 0.0, inf
         farthest = [(l - reach + ball) / l for l, reach in zip(self.rods, at.reach, strict=True)]
+        if not (ball > 0.0 and max(farthest) < 1.0):
+            return 0.0, inf
         return ball, max([1.0 / (l * sqrt(1.0 - f * f)) for l, f in zip(self.rods, farthest, strict=True)])
 
 

@@ -88,5 +88,8 @@ def lowered(sine: float, turn: float, share: float = 0.0) -> float:
 
 
 def level_after(sine: float, turn: float, share: float) -> float:
-    """Largest d up to which an elevation that `lowered` by d turn and d share, both positive, has not reached 0."""
-    return min(asin(min(sine, 1.0)) / (turn + CHORD * share), HALF / share)
+    """Largest d up to which an elevation that `lowered` by d turn and d share has not reached 0.
+
+    turn: positive. share: 0 where the normal cannot turn, or where the sine is 0."""
+    steps = asin(min(sine, 1.0)) / (turn + CHORD * share)
+    return min(steps, HALF / share) if share > 0.0 else steps

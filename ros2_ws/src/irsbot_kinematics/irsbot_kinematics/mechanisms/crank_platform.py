@@ -27,6 +27,9 @@ from irsbot_kinematics.mechanisms.turning_platform import Travel, TurningPlatfor
 from irsbot_kinematics.tolerances import CLOSURE_TOL_M, FOLLOWED_TOL_M, SAME_POSE_TOL, UNREAL_TOL, VANISHED_TOL
 
 Point = tuple[float, float]
+TINY = 1e-200
+"""m or 1: keeps the direction of a rod defined where it has none: upright, or without length at a pose that is not its
+own. The margins, or the closure, then say so."""
 POLISH = 3
 """Newton steps on every root of the polynomial: they start closer than 1e-4 and double the digits each time."""
 NEAR = 0.01
@@ -321,7 +324,7 @@ class CrankPlatform(TurningPlatform):
             r = hypot(at.pose[0] + ax - fx, at.pose[1] + ay - fy)
             near, far = hypot(r - l1, z) + ball, hypot(r + l1, z) - ball
             least = min(least, (far - l2) * (far + l2) * (l2 - near) * (l2 + near))
-        return ball, (1.0 + 2.0 * l1 * l2 / sqrt(least)) / l2
+        return (ball, (1.0 + 2.0 * l1 * l2 / sqrt(least)) / l2) if least > 0.0 else (0.0, inf)
 
 
 def _copies(pose: Sequence[Array], valid: NDArray[np.bool_], left: Array) -> NDArray[np.bool_]:

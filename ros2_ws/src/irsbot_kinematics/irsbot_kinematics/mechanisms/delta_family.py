@@ -248,7 +248,7 @@ class DeltaFamily(Mechanism):
             off1, off2, off3 = self.geometry_errors(at.joints, travel, slack_m)
             h1, h2, h3 = t1 + off1.ends, t2 + off2.ends, t3 + off3.ends
             e1, e2, e3 = off1.ends + off1.length, off2.ends + off2.length, off3.ends + off3.length
-        if not size > 0.0:
+        if not (size > 0.0 and c1 > 0.0 and c2 > 0.0 and c3 > 0.0):  # rods in one plane, to rounding
             return self._nothing
         move = displacement(
             (s1 * t1 + e1 + 0.5 * h1 * h1 / L) / c1
@@ -275,7 +275,11 @@ class DeltaFamily(Mechanism):
         if slack_m:
             a1, a2, a3 = [move + error for error in self.rail_errors(at, slack_m)]
         r1, r2, r3 = at.reach
-        type1 = (self._sine(r1 - a1, slack_m), self._sine(r2 - a2, slack_m), self._sine(r3 - a3, slack_m))
+        type1 = (  # near 0 a sine from lengths has half the digits of one from directions
+            min(self._sine(r1 - a1, slack_m), s1),
+            min(self._sine(r2 - a2, slack_m), s2),
+            min(self._sine(r3 - a3, slack_m), s3),
+        )
         return Guarantee(type1, type2, nan, type1[: self.limb_count])
 
     def geometry_errors(self, joints: Sequence[float], travel: Sequence[float], slack_m: float) -> list[Errors]:
@@ -321,7 +325,7 @@ class DeltaFamily(Mechanism):
         """Type 1 and limbs: exact, the smallest reach. Type 2: while P stays in a ball, rod i turns by at most
         |move|/(L sine_i) with its smallest sine_i in the ball, because its end runs on a sphere over the plane across
         the rail; the elevations of `guarantee` fall accordingly. Of two balls the better bound counts."""
-        wide = CLEARANCE_BALL * min(at.reach)
+        wide = CLEARANCE_BALL * max(min(at.reach), 0.0)
         bound = self._level_after(at, wide)
         if not bound < wide:
             return wide

@@ -223,8 +223,10 @@ class PlanarPair(Mechanism):
         high *= sqrt((full - high) * (full + high))
         type2 = (low if low < high else high) / (full * l2)
         apart = path / type2
+        sine1, sine2 = at.sines
         return Guarantee(
-            (self._sine_floor(parts[-2], apart), self._sine_floor(parts[-1], apart)),
+            # near 0 a sine from lengths has half the digits of one from directions
+            (min(self._sine_floor(parts[-2], apart), abs(sine1)), min(self._sine_floor(parts[-1], apart), abs(sine2))),
             type2,
             self.constraint_guarantee(parts, (2.0 * apart + path) / l2),  # turn of both rods together
             (),
@@ -247,7 +249,7 @@ class PlanarPair(Mechanism):
         both = min((2.0 * move + path) / short, 2.0 * turn)
         apart = move + self.foot_error(slack_m)
         type1 = [
-            max(self._sine_floor(r, apart, length), lowered(abs(sine), turn + t))
+            min(max(self._sine_floor(r, apart, length), lowered(abs(sine), turn + t)), abs(sine))
             for r, sine, t in zip(parts[-2:], at.sines, travel, strict=True)
         ]
         parts = self.parts_left(at, both, slack_m)
@@ -333,7 +335,7 @@ class PlanarPair(Mechanism):
         """Type 1: exact. Type 2 with parallel rods: exact distance to the locus arcs of this working mode. Type 2 with
         rods in line: what the rods still have to turn, over their speed while the platform stays within a ball."""
         reach1, reach2 = at.reach
-        reach = nearest = reach1 if reach1 < reach2 else reach2
+        reach = nearest = max(reach1 if reach1 < reach2 else reach2, 0.0)
         x, z = at.pose
         rod = self.loop.rod
         for cx, cz, toward_x, toward_z, cosine, from_x, from_z, to_x, to_z in self._arcs.get(at.working_mode, ()):

@@ -225,7 +225,7 @@ class Rrr3(TurningPlatform):
             at.joints, joint_rates, at.screws, at.arms, at.reach, strict=True
         ):
             across = rx * (vy + w * ax) - ry * (vx - w * ay)
-            swing = across * across / (2.0 * l - reach)
+            swing = across * across / (2.0 * l - reach + _TINY)
             c.append(swing - w * w * (ax * rx + ay * ry) + 0.5 * l * rate * rate * abs(cos(0.5 * q)))
         return tuple(c)
 

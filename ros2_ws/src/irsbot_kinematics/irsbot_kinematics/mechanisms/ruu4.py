@@ -20,10 +20,7 @@ from irsbot_kinematics.arithmetic import Arithmetic, Array, N
 from irsbot_kinematics.assemblies import planar_position
 from irsbot_kinematics.geometry import require, require_finite
 from irsbot_kinematics.mechanism import Floats, Legs, Posture
-from irsbot_kinematics.mechanisms.crank_platform import CrankPlatform
-
-_TINY = 1e-200
-"""1: keeps the horizontal direction of an upright rod defined; the limb margin is 0 there."""
+from irsbot_kinematics.mechanisms.crank_platform import TINY, CrankPlatform
 
 
 @dataclass(frozen=True)
@@ -84,8 +81,8 @@ class Ruu4(CrankPlatform):
             ux, uy = k.cos(q), k.sin(q)
             rx, ry = X - l1 * ux, Y - l1 * uy
             across = k.hypot(rx, ry)
-            size = k.hypot(across, z)
-            level.append((rx / (across + _TINY), ry / (across + _TINY)))
+            size = k.hypot(across, z) + TINY
+            level.append((rx / (across + TINY), ry / (across + TINY)))
             rx, ry = rx / size, ry / size
             r = k.hypot(X, Y)
             screws.append((rx, ry, z / size, ax * ry - ay * rx))
@@ -138,7 +135,7 @@ class Ruu4(CrankPlatform):
         than the matrix does in the Frobenius norm."""
         changes = 0.0
         for rx, ry, *_ in at.screws:
-            share = turn_rad / (hypot(rx, ry) + _TINY)
+            share = turn_rad / (hypot(rx, ry) + TINY)
             if not share < 1.0:
                 return 0.0
             changes += asin(share) ** 2

@@ -127,11 +127,9 @@ class TurningPlatform(Mechanism):
 
     def _share(self, n: int, cosine: float, size: float, turn: float, arm: float = 0.0) -> float:
         """Change over size of the velocity across which the elevation is taken, when all rods turn by `turn` and hold
-        the platform elsewhere, each by at most `arm`: rows then change by sqrt(2) turn + 2 arm/span and are no longer
-        than sqrt(2) (1 + 2 arm/span)."""
-        if arm:
-            turn = (turn + sqrt(2.0) * arm / self.span) * (1.0 + 2.0 * arm / self.span) ** (n - 2)
-        return self.span * _ROWS[n] * turn * cosine / size
+        the platform elsewhere, each by at most `arm`: moments count over span + 2 arm, and change by 2 arm more."""
+        change = (self.span + 2.0 * arm) * _ROWS[n] * turn + sqrt(2.0) * _ROWS[n] * arm
+        return change * cosine / size
 
     def _nothing(self, n: int) -> Guarantee:
         return Guarantee((0.0,) * n, 0.0, 0.0 if self.has_constraint else nan, (0.0,) * self.limb_count)
