@@ -12,10 +12,11 @@ from math import asin, hypot, inf, isfinite, nan, sin, sqrt
 from operator import add, sub
 from typing import NamedTuple
 
+from irsbot_kinematics import statics
 from irsbot_kinematics.arithmetic import FLOATS, Arithmetic, N
 from irsbot_kinematics.courses import Rod, swept
 from irsbot_kinematics.geometry import require, require_finite, require_size
-from irsbot_kinematics.guarantees import Errors, displacement, level_after
+from irsbot_kinematics.guarantees import Errors, displacement, least_cosine, level_after
 from irsbot_kinematics.mechanism import (
     Coordinate,
     Floats,
@@ -271,6 +272,10 @@ class DeltaFamily(Mechanism):
                 asin(c1) - turn1 - asin(share1), asin(c2) - turn2 - asin(share2), asin(c3) - turn3 - asin(share3)
             )
             type2 = sin(left) if left > 0.0 else 0.0
+        if slack_m:
+            _, columns = statics.cofactors(at.screws)
+            ways = [[[value / at.det for value in column]] * 3 for column in columns]
+            type2 = max(type2, least_cosine(ways, (0.0, 0.0, 0.0), (turn1, turn2, turn3), 0.0))
         a1 = a2 = a3 = move
         if slack_m:
             a1, a2, a3 = [move + error for error in self.rail_errors(at, slack_m)]

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from irsbot_kinematics import statics
 from irsbot_kinematics.courses import Rod, swept
-from irsbot_kinematics.guarantees import Errors, displacement_and_turn, level_after, lowered
+from irsbot_kinematics.guarantees import Errors, displacement_and_turn, least_cosine, level_after, lowered
 from irsbot_kinematics.mechanism import Floats, Guarantee, Mechanism, Posture
 
 _ROWS = {n: (n - 1) * sqrt(2.0) ** (n - 1) for n in (3, 4)}
@@ -82,10 +82,12 @@ class TurningPlatform(Mechanism):
         There cos alpha_i is the sine of the elevation of rod i over the line or plane across the velocity of its end
         when leg i yields. That velocity times det is the force part of the cross product of the other rows taken at
         c_i; with moments over `span` a row is no longer than sqrt(2) and changes by no more than sqrt(2) times its
-        turn, and by what changes its arm. All rods may turn alike, so the smallest cosine stays the smallest.
+        turn. All rods may turn alike, so the smallest cosine stays the smallest.
         """
+        if slack_m:
+            return self._guarantee_if_wrong(at, travel, slack_m)
         n, size = len(at.levers), abs(at.det)
-        asked = self.travel_of(at, travel, slack_m)
+        asked = self.travel_of(at, travel, 0.0)
         d, t = self.box(at, asked)
         end = d + self.radius * t
         share = (end + asked.path) / asked.rod if asked.rod > 0.0 else inf
@@ -94,11 +96,41 @@ class TurningPlatform(Mechanism):
         rod_turn = asin(share)
         seen = rod_turn + t
         cosine = min(at.cos_pressure)
-        arm = self.geometry_errors(slack_m).arm if slack_m else 0.0
-        type2 = lowered(cosine, seen, self._share(n, cosine, size, seen, arm))
-        type1 = self.sine_floors(at, travel, rod_turn, slack_m)
-        limb = self.limb_floors(at, travel, slack_m, type1)
+        type2 = lowered(cosine, seen, self._share(n, cosine, size, seen))
+        type1 = self.sine_floors(at, travel, rod_turn)
+        limb = self.limb_floors(at, travel, 0.0, type1)
         return Guarantee(type1, type2, self.constraint_floor(at, rod_turn), limb)
+
+    def _guarantee_if_wrong(self, at: Posture, travel: Sequence[float], slack_m: float) -> Guarantee:
+        """The same for a geometry that is off, with what every leg does to every rod: in the box, rod end i moves by at
+        most the sum of b_j times its velocity when leg j alone yields, and the platform turns accordingly."""
+        n = len(at.levers)
+        asked = self.travel_of(at, travel, slack_m)
+        d, t = self.box(at, asked)
+        if not d + t < inf:
+            return self._nothing(n)
+        det, columns = statics.cofactors(at.screws)
+        velocities = [
+            [((vx - w * ay) / det, (vy + w * ax) / det, *[vz / det for vz in up]) for ax, ay in at.arms]
+            for vx, vy, *up, w in columns
+        ]
+        turns = [abs(column[-1] / det) for column in columns]
+        bend = 0.5 * self.radius * t * t
+        most = d + self.radius * t + asked.path
+        drives = [drive + 0.5 * most * most / asked.rod + bend for drive in asked.drives]
+        t = min(t, sum(map(mul, turns, drives)))
+        angles = []
+        for i in range(n):
+            moved = sum([hypot(*velocities[j][i]) * drives[j] for j in range(n)]) + bend
+            share = (min(moved, d + self.radius * t) + asked.path) / asked.rod
+            if not share < 1.0:
+                return self._nothing(n)
+            angles.append(asin(share))
+        seen = [angle + t for angle in angles]
+        type2 = least_cosine(velocities, turns, seen, self.geometry_errors(slack_m).arm)
+        type1 = self.sine_floors(at, travel, max(angles), slack_m)
+        limb = self.limb_floors(at, travel, slack_m, type1)
+        return Guarantee(type1, type2, self.constraint_floor(at, max(angles)), limb)
 
     def guarantee_along(
         self, at: Posture, half: Sequence[float], beside: Sequence[float], slack_m: float = 0.0
@@ -125,11 +157,9 @@ class TurningPlatform(Mechanism):
         bend = 0.5 * path * path / rod
         return displacement_and_turn(x + move * bend, y + turn * bend, move, turn, path, rod, self.radius)
 
-    def _share(self, n: int, cosine: float, size: float, turn: float, arm: float = 0.0) -> float:
-        """Change over size of the velocity across which the elevation is taken, when all rods turn by `turn` and hold
-        the platform elsewhere, each by at most `arm`: moments count over span + 2 arm, and change by 2 arm more."""
-        change = (self.span + 2.0 * arm) * _ROWS[n] * turn + sqrt(2.0) * _ROWS[n] * arm
-        return change * cosine / size
+    def _share(self, n: int, cosine: float, size: float, turn: float) -> float:
+        """Change over size of the velocity across which the elevation is taken, when all rods turn by `turn`."""
+        return self.span * _ROWS[n] * turn * cosine / size
 
     def _nothing(self, n: int) -> Guarantee:
         return Guarantee((0.0,) * n, 0.0, 0.0 if self.has_constraint else nan, (0.0,) * self.limb_count)
