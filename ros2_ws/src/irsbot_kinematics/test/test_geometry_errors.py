@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from postures import NAMES, ROBOTS
-from wrong_geometry import attacks, columns, margins, random_machine, random_travel, some_posture
+from wrong_geometry import attacks, columns, kappa_of_wrong_legs, margins, random_machine, random_travel, some_posture
 
 import irsbot_kinematics as irs
 
@@ -41,6 +41,27 @@ def test_no_margin_of_a_machine_that_is_off_in_everything_is_below_the_guarantee
         lost = max(lost, float(((columns(at)[0] - met.min(axis=0)) / (columns(at)[0] - floors + 1e-15)).max()))
     assert promised > 25
     assert lost > 0.25, "what is met is far from what is allowed: the attack does not bite"
+
+
+def test_kappa_falls_at_fixed_directions_of_the_rods_by_no_more_than_is_said():
+    rng, nearest = np.random.default_rng(64), 0.0
+    for number in range(60):
+        robot = ROBOTS["irsbot2_beta45"] if number % 2 else random_machine("irsbot2", rng)
+        at = some_posture(robot, rng)
+        if at is None:
+            continue
+        slack = robot.mechanism.geometry.a2 * 10.0 ** rng.uniform(-5.0, -1.0)
+        psi = np.array([np.arctan2(-z, x) for x, z in at.screws])
+        step = 1e-7 * np.concatenate([np.zeros((1, 20)), np.eye(20)])
+        there = kappa_of_wrong_legs(robot, np.tile(psi, (21, 1)), step.reshape(-1, 2, 10))
+        worst = -np.sign(there[1:] - there[0])
+        wrong = slack * np.concatenate([worst[None], np.sign(rng.normal(size=(30, 20)))])
+        met = kappa_of_wrong_legs(robot, np.tile(psi, (31, 1)), wrong.reshape(-1, 2, 10))
+        floor = min(robot.mechanism.parts_left(at, 0.0, slack)[:2])
+        assert met.min() >= floor - ROUNDING
+        if floor > 0.0:
+            nearest = max(nearest, (at.constraint - met.min()) / (at.constraint - floor))
+    assert nearest > 0.2, "what is met is far from what is allowed"
 
 
 def test_five_bar_with_every_length_off_the_worst_way():

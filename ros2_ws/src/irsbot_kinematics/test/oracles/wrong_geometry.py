@@ -115,7 +115,7 @@ def _elbows(half_base: Array | float, drop: Array | float, crank: Array | float,
 def _irsbot2(robot: irs.Robot, at: irs.Posture, q: Array, e: Array) -> Truth:
     """Per leg: motor x, z; wrist x, z; e, l1, l2eq, a1, a2, end of the arm across it."""
     g = robot.mechanism.geometry
-    motor, wrist, drop, crank, rod, a1, a2, across = e[..., :2], e[..., 2:4], *(e[..., k] for k in range(4, 10))
+    motor, wrist, drop, crank, rod, a1, _a2, across = e[..., :2], e[..., 2:4], *(e[..., k] for k in range(4, 10))
     beta = g.beta + across / g.a1
     inwards = np.array([1.0, -1.0]) * (g.p + (g.a1 + a1) * np.sin(beta))  # from the elbow frame's end to P's legs
     foot = motor - wrist
@@ -123,7 +123,15 @@ def _irsbot2(robot: irs.Robot, at: irs.Posture, q: Array, e: Array) -> Truth:
     foot[..., 1] -= drop
     shift = _elbows(g.b, g.e, g.l1 + crank, q, foot) - _elbows(g.b, g.e, g.l1, np.array(at.joints), 0.0 * foot[0])
     met = closed(rods(robot, at), shift, rod)
-    psi = np.arctan2(-met.r[..., 1], met.r[..., 0])
+    cranks = np.stack([np.cos(q), -np.sin(q)], axis=2)
+    kappa = kappa_of_wrong_legs(robot, np.arctan2(-met.r[..., 1], met.r[..., 0]), e)
+    return Truth(_across(cranks, met.r), met.type2, kappa, np.empty((len(q), 0)))
+
+
+def kappa_of_wrong_legs(robot: irs.Robot, psi: Array, e: Array) -> Array:
+    """Constraint margin (N,) of rods at psi (N, 2), from points in space; e as in `_irsbot2`."""
+    g = robot.mechanism.geometry
+    wrist, rod, a1, a2, beta = e[..., 2:4], e[..., 6], e[..., 7], e[..., 8], g.beta + e[..., 9] / g.a1
     columns, points, length = [], [], 0.0
     for i in (0, 1):
         d = Design(g.l1, g.l2eq + rod[:, i], g.b, g.p, g.a1 + a1[:, i], g.a2 + a2[:, i], beta[:, i], g.e)
@@ -133,9 +141,8 @@ def _irsbot2(robot: irs.Robot, at: irs.Posture, q: Array, e: Array) -> Truth:
         points.append(space.rod_lines_meet(leg) - space.platform_point(d, i, leg) + aside)  # P_k seen from P
         length = length + d.Lc / 2.0 - space.SIGMA[i] * wrist[:, i, 0]
     columns.append(np.cross(space.AXIS_Y, points[1] - points[0]) / length[:, None])
-    kappa = np.linalg.svd(np.stack(columns, axis=-1), compute_uv=False)[:, 2]
-    cranks = np.stack([np.cos(q), -np.sin(q)], axis=2)
-    return Truth(_across(cranks, met.r), met.type2, kappa, np.empty((len(q), 0)))
+    kappa: Array = np.linalg.svd(np.stack(columns, axis=-1), compute_uv=False)[:, 2]
+    return kappa
 
 
 # --- attacks ---
