@@ -223,14 +223,10 @@ class PlanarPair(Mechanism):
         high *= sqrt((full - high) * (full + high))
         type2 = (low if low < high else high) / (full * l2)
         apart = path / type2
-        sine1, sine2 = at.sines
-        return Guarantee(
-            # near 0 a sine from lengths has half the digits of one from directions
-            (min(self._sine_floor(parts[-2], apart), abs(sine1)), min(self._sine_floor(parts[-1], apart), abs(sine2))),
-            type2,
-            self.constraint_guarantee(parts, (2.0 * apart + path) / l2),  # turn of both rods together
-            (),
-        )
+        middle, span = self._squares
+        type1 = [_sine_in(r - apart, r + apart, middle, span) for r in parts[-2:]]
+        constraint = self.constraint_guarantee(parts, (2.0 * apart + path) / l2)  # turn of both rods together
+        return Guarantee(_capped(type1, at.sines), type2, constraint, ())
 
     def _guarantee_if_wrong(self, at: Posture, travel: Sequence[float], slack_m: float) -> Guarantee:
         """The same for a geometry that is off. Its errors are further paths of the elbows; a rod that grows moves the
@@ -249,11 +245,11 @@ class PlanarPair(Mechanism):
         both = min((2.0 * move + path) / short, 2.0 * turn)
         apart = move + self.foot_error(slack_m)
         type1 = [
-            min(max(self._sine_floor(r, apart, length), lowered(abs(sine), turn + t)), abs(sine))
+            max(self._sine_floor(r, apart, length), lowered(abs(sine), turn + t))
             for r, sine, t in zip(parts[-2:], at.sines, travel, strict=True)
         ]
         parts = self.parts_left(at, both, slack_m)
-        return Guarantee((type1[0], type1[1]), type2, self.constraint_guarantee(parts, both), ())
+        return Guarantee(_capped(type1, at.sines), type2, self.constraint_guarantee(parts, both), ())
 
     def _nothing(self, parts: Floats) -> Guarantee:
         return Guarantee((0.0, 0.0), 0.0, self.constraint_guarantee(parts, inf), ())
@@ -368,6 +364,13 @@ class PlanarPair(Mechanism):
         rod = self.loop.rod
         turn = 2.0 * atan2(sqrt(slack * (2.0 * rod + d)), d) if slack > 0.0 else 0.0
         return min(ball, rod * turn * s1 * s2 / (s1 + s2))  # rod |psi_k'| <= |P'| / |S_k|
+
+
+def _capped(floors: Sequence[float], sines: Floats) -> Floats:
+    """Near 0 a sine from lengths has half the digits of one from directions."""
+    (floor1, floor2), (sine1, sine2) = floors, sines
+    size1, size2 = abs(sine1), abs(sine2)
+    return (floor1 if floor1 < size1 else size1, floor2 if floor2 < size2 else size2)
 
 
 def _sine_in(near: float, far: float, middle: float, span: float) -> float:
