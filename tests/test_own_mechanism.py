@@ -32,7 +32,7 @@ def test_the_mechanism_of_the_documentation_keeps_every_law() -> None:
 WRONG = {
     "sign of a screw": ("screws.append((rx, ry, ax * ry - ay * rx))", "screws.append((rx, -ry, ax * ry - ay * rx))"),
     "sign of a lever": ("sines.append(-(rx * ux + ry * uy))", "sines.append(rx * ux + ry * uy)"),
-    "optimistic bound": ("drives = [abs(lever) * t + slack_m", "drives = [0.1 * abs(lever) * t + slack_m"),
+    "optimistic bound": ("drives = [abs(lever) * t + ends", "drives = [0.1 * abs(lever) * t + ends"),
 }
 LAW = {
     "sign of a screw": "Jacobian by pose",

@@ -7,6 +7,7 @@ round trip   random poses, every working mode: status against the annuli of both
 margins      random designs and postures: Type 1, Type 2 and constraint margins against points, axes, singular values
 loci         presets and random designs: margins along the curves of parallel singularities and at constraint points
 guarantees   random designs, postures and boxes of joints: no margin in a box is below what was promised for it
+geometry     the same for machines of every kind of which every length and place is off, each on its own
 courses      the same for courses of the joints
 clearances   random designs and postures: no point of a locus of the same working mode is nearer than the clearance
 
@@ -32,6 +33,7 @@ sys.path[:0] = [str(PACKAGE), str(PACKAGE / "test/oracles")]
 
 import irsbot2_3d as space  # noqa: E402
 import singular_points as loci  # noqa: E402
+import wrong_geometry as wrong  # noqa: E402
 
 import irsbot_kinematics as irs  # noqa: E402
 from irsbot_kinematics.arithmetic import ARRAYS  # noqa: E402
@@ -235,6 +237,31 @@ def _broken(d: space.Design, q: Array, assembly: int, bound: irs.Guarantee) -> N
     return ~np.all(kept, axis=0)
 
 
+# --- geometry ---
+
+
+def geometry(machines: int, postures: int, seed: int, tick: Tick) -> Result:
+    """Shipped robots and others of their kinds in turn; random errors, and those that lower a margin fastest."""
+    result, rng, names = Result("geometry"), np.random.default_rng(seed), irs.robots()
+    for number in range(machines):
+        robot = irs.make_robot(names[number // 2 % len(names)])
+        if number % 2:
+            robot = wrong.random_machine(robot.mechanism.kind, rng)
+        for _ in range(postures):
+            at = wrong.some_posture(robot, rng)
+            if at is None:
+                continue
+            slack = robot.mechanism.length_m * 10.0 ** rng.uniform(-6.0, -2.3)
+            travel = rng.integers(0, 2) * wrong.random_travel(robot, at, rng)
+            bound = robot.mechanism.guarantee(at, travel.tolist(), slack)
+            if bound.type2 > 0.0:
+                met = wrong.margins(robot, at, *wrong.attacks(robot, at, travel, slack, rng))
+                kept = wrong.columns(met) >= wrong.columns(bound)[0] - LIMIT
+                result.count(len(kept), np.empty(0), ~kept.all(axis=1))
+        tick(1)
+    return result
+
+
 # --- clearances ---
 
 
@@ -271,6 +298,7 @@ def run(quick: bool, seed: int, progress: Progress | None = None) -> list[Result
         ("margins", designs, lambda tick: margins(designs, postures, seed + 1, tick)),
         ("loci", designs // 4 + len(PRESETS), lambda tick: singular_loci(designs // 4, points, seed + 2, tick)),
         ("guarantees", designs // 4, lambda tick: guarantees(designs // 4, postures // 4, 60, seed + 3, tick)),
+        ("geometry", designs, lambda tick: geometry(designs, postures // 20, seed + 6, tick)),
         (
             "courses",
             designs // 4,

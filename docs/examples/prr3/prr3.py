@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import cos, inf, sin, sqrt
+from math import cos, inf, pi, sin, sqrt
 from typing import ClassVar
 
 import irsbot_kinematics as irs
 from irsbot_kinematics.arithmetic import Arithmetic, N
 from irsbot_kinematics.boxes import Rod
+from irsbot_kinematics.guarantees import EXACT, Errors
 from irsbot_kinematics.mechanism import Coordinate, Floats, Legs, Posture, Signs
 from irsbot_kinematics.mechanisms.turning_platform import Travel, TurningPlatform
 
@@ -130,25 +131,35 @@ class Prr3(TurningPlatform):
 
     def travel_of(self, at: Posture, travel: Sequence[float], slack_m: float) -> Travel:
         """A carriage that moves by t moves by |lever| t along its rod."""
-        drives = [abs(lever) * t + slack_m for lever, t in zip(at.levers, travel, strict=True)]
-        return Travel(drives, max(travel) + slack_m, min(self.rods))
+        ends, length, _ = self.geometry_errors(slack_m) if slack_m else EXACT
+        drives = [abs(lever) * t + ends + length for lever, t in zip(at.levers, travel, strict=True)]
+        return Travel(drives, max(travel) + ends, min(self.rods))
+
+    def geometry_errors(self, slack_m: float) -> Errors:
+        """Both coordinates of the rail while the carriage is between its ends, and of the rod on the platform."""
+        place = sqrt(2.0) * slack_m
+        return Errors(2.0 * place, slack_m, place)
 
     def rods_of(self, at: Posture, travel: Sequence[float], slack_m: float) -> list[Rod]:
         """The carriages take the near ends along the rails."""
         joints = zip(self.rods, self.ways, travel, strict=True)
-        return [Rod(l, (h * ux, h * uy), slack_m) for l, (ux, uy), h in joints]
+        ends, length, _ = self.geometry_errors(slack_m) if slack_m else EXACT
+        return [Rod(l, (h * ux, h * uy), ends, 0.0, length) for l, (ux, uy), h in joints]
 
-    def sine_floors(self, at: Posture, travel: Sequence[float], turn_rad: float) -> Floats:
-        """The sine is that of the rod's angle with the normal of its rail, and the rod turns by at most turn_rad."""
-        return tuple([_less(sine, turn_rad) for sine in at.type1])
+    def sine_floors(self, at: Posture, travel: Sequence[float], turn_rad: float, slack_m: float = 0.0) -> Floats:
+        """The sine is that of the rod's angle with the normal of its rail. The rod turns by at most turn_rad, and a
+        rail whose ends are off is turned as well."""
+        lower, upper = self.geometry.travel
+        tilt = 2.0 * sqrt(2.0) * slack_m / (upper - lower)  # a chord; pi/2 of it is at least its angle
+        return tuple([_less(sine, turn_rad + 0.5 * pi * tilt) for sine in at.type1])
 
     def turn_rate(self, at: Posture) -> tuple[float, float]:
         """l sin of the angle between rod and rail is the distance of B from the rail: rate 1/(l sine) in a ball of half
         the reach, with the smallest sine there."""
         ball = 0.5 * min(at.reach)
-        if not ball > 0.0:
-            return 0.0, inf
         farthest = [(l - reach + ball) / l for l, reach in zip(self.rods, at.reach, strict=True)]
+        if not (ball > 0.0 and max(farthest) < 1.0):
+            return 0.0, inf
         return ball, max([1.0 / (l * sqrt(1.0 - f * f)) for l, f in zip(self.rods, farthest, strict=True)])
 
 

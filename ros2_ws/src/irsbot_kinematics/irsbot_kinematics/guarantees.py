@@ -19,7 +19,10 @@ the plane falls by at most v + w; a vector changed by a share u < 1 of its size 
 
 from __future__ import annotations
 
-from math import asin, inf, pi, sin, sqrt
+from collections.abc import Sequence
+from math import asin, hypot, inf, pi, sin, sqrt
+from operator import mul
+from typing import NamedTuple
 
 BALANCE = 0.1
 """1: translation and turn of a box are at least this share of one another (turns times the radius): a motion that
@@ -30,6 +33,25 @@ HALF = 0.5
 """1: share of its size up to which `level_after` follows the change of a normal."""
 CHORD = pi / 3.0
 """asin(u) <= CHORD u for 0 <= u <= HALF, because asin is convex there and asin(1/2) = pi/6."""
+
+
+class Errors(NamedTuple):
+    """What the errors of the geometry that `Mechanism.guarantee` names do to one leg, m.
+
+    A rod whose ends are off is a rod whose near end alone is off by as much: a + R' e - near end, see above. Where it
+    holds the platform matters once more, because its moment is taken there.
+    """
+
+    ends: float
+    """By which the ends of its rod are off against each other, in any direction, at the joints' positions."""
+    length: float
+    """By which its rod is longer or shorter."""
+    arm: float
+    """By which it holds the platform elsewhere, seen along the axis about which the platform turns."""
+
+
+EXACT = Errors(0.0, 0.0, 0.0)
+"""The geometry is as it is said."""
 
 
 def displacement(start: float, linear: float, square: float) -> float:
@@ -58,6 +80,54 @@ def displacement_and_turn(
     return c * x0, c * y0
 
 
+def least_cosine(
+    velocities: Sequence[Sequence[Sequence[float]]], turns: Sequence[float], angles: Sequence[float], arm: float
+) -> float:
+    """Smallest cos alpha while rod j turns by at most angles[j], seen from the platform, and every place at which a leg
+    holds the platform is off by at most `arm`; 0 where that proves nothing.
+
+    velocities[j][i]: of the place of leg i when leg j alone yields by one unit, and turns[j], rad/m, of the platform.
+    1/cos alpha_i is the size of velocities[i][i]. With rows A + E these are the columns of A^-1 (1 + F)^-1, F = E A^-1.
+    A rod's change is across it but for half the square of its angle, and r_j . velocities[k][j] is 1 for k = j, else 0;
+    so |F_jk| is at most G_jk below, and (1 + F)^-1 differs from 1 in column i by at most the sum of G^m, m > 0.
+    """
+    legs = range(len(turns))
+    G = [
+        [
+            angles[j] * sqrt(max(_square(velocities[k][j]) - (j == k), 0.0))
+            + (0.5 * angles[j] * angles[j] if j == k else 0.0)
+            + arm * turns[k]
+            for k in legs
+        ]
+        for j in legs
+    ]
+    norm = max(map(sum, G))
+    if not norm < 1.0:
+        return 0.0
+    largest = 0.0
+    for i in legs:
+        first = [row[i] for row in G]
+        rest = norm * norm / (1.0 - norm) * max(first)
+        change = [f + sum(map(mul, row, first)) + rest for f, row in zip(first, G, strict=True)]
+        own = velocities[i][i]
+        size = sqrt(_square(own))
+        if not size > 0.0:
+            return 0.0
+        along, across, turn = size, 0.0, turns[i]
+        for j in legs:
+            part = abs(sum(map(mul, velocities[j][i], own))) / size
+            along += change[j] * part
+            across += change[j] * sqrt(max(_square(velocities[j][i]) - part * part, 0.0))
+            turn += change[j] * turns[j]
+        largest = max(largest, hypot(along, across) + arm * turn)
+    return min(1.0 / largest, 1.0)
+
+
+def _square(vector: Sequence[float]) -> float:
+    total: float = sum(map(mul, vector, vector), 0.0)
+    return total
+
+
 def lowered(sine: float, turn: float, share: float = 0.0) -> float:
     """Smallest |sin| of an elevation after its direction turned by `turn` rad and the vector along its plane's normal
     changed by `share` of its size: sin(asin(sine) - turn - asin(share)), 0 where that proves nothing."""
@@ -68,5 +138,8 @@ def lowered(sine: float, turn: float, share: float = 0.0) -> float:
 
 
 def level_after(sine: float, turn: float, share: float) -> float:
-    """Largest d up to which an elevation that `lowered` by d turn and d share, both positive, has not reached 0."""
-    return min(asin(min(sine, 1.0)) / (turn + CHORD * share), HALF / share)
+    """Largest d up to which an elevation that `lowered` by d turn and d share has not reached 0.
+
+    turn: positive. share: 0 where the normal cannot turn, or where the sine is 0."""
+    steps = asin(min(sine, 1.0)) / (turn + CHORD * share)
+    return min(steps, HALF / share) if share > 0.0 else steps

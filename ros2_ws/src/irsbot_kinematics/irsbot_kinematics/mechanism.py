@@ -164,7 +164,13 @@ class Mechanism(ABC):
     def guarantee(self, at: Posture, travel: Sequence[float], slack_m: float = 0.0) -> Guarantee:
         """Lower bounds of all margins while every joint k moves by at most travel[k] from the posture.
 
-        travel: rad or m per joint, not negative. slack_m: further error of every leg's length and place.
+        travel: rad or m per joint, not negative. slack_m: largest error of the geometry, m, 0.0 for an exact machine:
+        every length is off by at most slack_m, and so is every coordinate of every place at which a leg is held by the
+        base or holds the platform, each independently and of every leg its own. A rail is held at both ends of its
+        slide's range. An angle is off by what takes the end of its arm off by slack_m. What the drawing has parallel,
+        level or symmetric to the plane of motion stays so.
+        `at` is the posture of the exact machine. The bounds hold for the margins of the machine as it is, at joints in
+        the box, on the branch on which its geometry comes out of the exact one.
         The bounds are proved, not sampled; they are 0 where nothing can be said. `at` must be SOLVED.
         """
 

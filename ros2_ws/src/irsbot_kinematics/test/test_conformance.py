@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from math import radians, sin
+
 import pytest
 
 import irsbot_kinematics as irs
 from irsbot_kinematics.arithmetic import ARRAYS
 from irsbot_kinematics.conformance import LAWS, conformance
+from irsbot_kinematics.conformance.samples import Machine
+from irsbot_kinematics.conformance.singular import singular_answered
 from irsbot_kinematics.mechanism import Guarantee, Mechanism, Status
 from irsbot_kinematics.mechanisms.delta_family import DeltaGeometry
 from irsbot_kinematics.mechanisms.orthoglide import Orthoglide
@@ -168,6 +172,19 @@ class Jumps(Plain):
         return super().direct(k, joints, assembly if float(joints[0]) % 0.05 < 0.025 else -assembly)
 
 
+class DividesByTheLever(Orthoglide):
+    """0/0 where a rod is at right angles to its rail."""
+
+    def clearance(self, at):
+        return super().clearance(at) * min(at.type1) / min(at.type1)
+
+
+class NothingIsKnownWhenFolded(Orthoglide):
+    def guarantee(self, at, travel, slack_m=0.0):
+        bound = super().guarantee(at, travel, slack_m)
+        return bound if min(at.type1) > 1e-6 else bound._replace(type2=float("nan"))
+
+
 class Raises(Orthoglide):
     def bias(self, at, joint_rates, pose_rates):
         raise ZeroDivisionError("float division by zero")
@@ -194,6 +211,8 @@ WRONG = {
     PromisesNothing: "guarantee says something",
     TooClear: "clearance is kept",
     Jumps: "branch goes on",
+    DividesByTheLever: "singular postures are answered",
+    NothingIsKnownWhenFolded: "singular postures are answered",
     Raises: "direct rates and bias",
 }
 
@@ -205,11 +224,44 @@ def test_what_is_wrong_breaks_its_law_with_place_and_numbers(wrong):
     assert said
     assert "\n" not in said
     assert any(char.isdigit() for char in said)
-    assert "Error" in said if wrong is Raises else "allowed" in said
+    assert ("Error" in said) == (wrong in (Raises, DividesByTheLever))
+    assert "allowed" in said or wrong is Raises
 
 
 def test_the_same_laws_hold_where_nothing_is_wrong():
     assert not [check.broken for check in conformance(irs.Robot(Orthoglide(GEOMETRY)), joints=60) if check.broken]
+
+
+CORNERS = ((-0.3, -0.2), (0.3, -0.2), (0.05, 0.35))
+DEGENERATE = {
+    "congruent triangles, every leg folded to nothing": (
+        "rrr3_base",
+        {f"{which}{i}": corner for which in "ab" for i, corner in enumerate(CORNERS, 1)},
+    ),
+    "4-RUU with equal radii and links": ("ruu4", {"rb": 0.3, "rp": 0.3, "l1": 0.4, "l2": 0.4}),
+    "3-RRR with equal triangles": ("rrr3", {"rb": 0.3, "rp": 0.3}),
+    "five-bar with equal links": ("five_bar", {"l1": 0.4, "l2": 0.4, "b": 0.2}),
+    "five-bar that just reaches": ("five_bar", {"l1": 0.1, "l2": 0.4, "b": 0.5}),
+    "IRSBot-2 whose rods can vanish": ("irsbot2", {"l1": 0.3, "l2eq": 0.39 * sin(radians(10.0))}),
+    "two slides on one rail": ("linear_delta", {"o2": (0.25, 0.0, 0.0)}),
+}
+
+
+@pytest.mark.parametrize("name", DEGENERATE)
+def test_machines_that_are_often_singular_are_answered_too(name):
+    preset, lengths = DEGENERATE[name]
+    cases = list(singular_answered(Machine(irs.make_robot(preset, **lengths), 30, 2)))
+    assert [case.said for case in cases if not case.error <= 1e-9] == []
+    assert cases
+
+
+def test_the_posture_with_a_leg_folded_to_nothing_is_answered():
+    """Crank end and platform joint of leg 1 meet its base joint: joints as a user gave them."""
+    robot = irs.make_robot("rrr3_base")
+    found = robot.evaluate((0.0, -2.0042699833528625, -0.9570724321562651), 1)
+    assert found.type1_margin[0] < 1e-9
+    assert found.clearance == 0.0
+    assert found.type2_margin > 0.3
 
 
 def test_a_mechanism_that_is_assembled_nowhere_is_told_so_and_nothing_else_is_tried():

@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -39,16 +40,18 @@ W1_JOINTS = 2.544003124, -0.190028776
 """The worked example of the robot's sheet, working mode +-, printed digits."""
 
 NAN, INF = math.nan, math.inf
+ORACLES = str(Path(__file__).parent / "oracles")
 
 
 class Client:
     """Asks the node of a process of ours; every question has an answer, or the test ends."""
 
-    def __init__(self, robot: str) -> None:
+    def __init__(self, robot: str, module: str = "irsbot_kinematics.nodes.kinematics") -> None:
         domain = free_domain()
+        path = os.pathsep.join([ORACLES, *os.environ.get("PYTHONPATH", "").split(os.pathsep)])
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "irsbot_kinematics.nodes.kinematics", "--ros-args", "-p", f"robot:={robot}"],
-            env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
+            [sys.executable, "-m", module, "--ros-args", "-p", f"robot:={robot}"],
+            env={**os.environ, "ROS_DOMAIN_ID": str(domain), "PYTHONPATH": path},
             stderr=subprocess.PIPE,
             text=True,
         )
@@ -206,6 +209,33 @@ def test_an_evaluation_that_makes_no_sense_has_no_states_and_says_why(irsbot2: C
     answer = irsbot2.evaluate(*joints, mode=mode)
     assert not answer.states
     assert answer.message
+
+
+def test_one_posture_that_fails_inside_silences_neither_the_others_nor_the_service():
+    client = Client("irsbot2", "fake_failing_kinematics")
+    try:
+        answer = client.evaluate(*W1_JOINTS, 3.0, -0.2, *W1_JOINTS)
+        assert [(state.level, state.causes) for state in answer.states] == [
+            (Level.OK, Cause.NONE),
+            (Level.UNKNOWN, Cause.INTERNAL),
+            (Level.OK, Cause.NONE),
+        ]
+        assert "posture 1: ArithmeticError: a fake error of the mechanism" in answer.message
+        refused = client.inverse(0.0, 0.5)
+        assert not refused.joints
+        assert "a fake error of the mechanism" in refused.message
+        assert list(client.inverse(*W1).joints) == pytest.approx(W1_JOINTS, abs=1e-8)
+    finally:
+        code, _ = client.close()
+    assert code == 0
+
+
+def test_the_service_answers_where_a_leg_is_folded_to_nothing():
+    with served("rrr3_base") as client:
+        (state,) = client.evaluate(0.0, -2.0042699833528625, -0.9570724321562651, mode=1).states
+        assert (state.level, state.causes) == (Level.OK, Cause.NONE)
+        assert state.type1_margin[0] < 1e-9
+        assert state.clearance == 0.0
 
 
 def test_a_thousand_poses_in_one_call_are_a_thousand_answers(irsbot2: Client):

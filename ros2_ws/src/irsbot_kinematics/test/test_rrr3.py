@@ -198,9 +198,9 @@ def test_elbow_angles_a_whole_turn_apart_are_the_same_robot():
 
 
 def test_the_guarantee_with_slack_holds_on_machines_whose_legs_are_that_wrong():
-    """Base corners off by part of the slack, distances by the rest; poses by Newton steps from the posture."""
+    """Base corners off by part of the slack, links by the rest; poses by Newton steps from the posture."""
     rng, number, promised = np.random.default_rng(4), 40, 0
-    for q in random_joints(ROBOT, rng, 150):
+    for q in random_joints(ROBOT, rng, 180):
         for assembly in ROBOT.mechanism.assembly_modes:
             at = ROBOT.mechanism.posture(tuple(q), assembly)
             if at.status != Status.SOLVED:
@@ -213,11 +213,13 @@ def test_the_guarantee_with_slack_holds_on_machines_whose_legs_are_that_wrong():
             part = rng.uniform(0, 1, (number, 3, 1))
             way = rng.normal(size=(number, 3, 2))
             off = slack * part * way / np.linalg.norm(way, axis=2, keepdims=True)
-            longer = slack * (1 - part[..., 0]) * np.sign(rng.uniform(-1, 1, (number, 3)))
+            longer = slack * (1 - part) * np.sign(rng.uniform(-1, 1, (number, 3, 2)))
             signs = np.sign(rng.uniform(-1, 1, (number, 3)))
             x = np.tile(np.array(at.pose), (number, 1))
             for share in (0.25, 0.5, 0.75, 1.0):
-                want = 2 * LINK * np.abs(np.cos(0.5 * (q + share * travel * signs))) + share * longer
+                first, second = np.moveaxis(LINK + share * longer, 2, 0)
+                elbows = np.cos(q + share * travel * signs)
+                want = np.sqrt(first**2 + second**2 + 2 * first * second * elbows)
                 for _ in range(5):
                     c, s = np.cos(x[:, 2]), np.sin(x[:, 2])
                     arm = RP * np.einsum("ijn,kj->nki", np.array([[c, -s], [s, c]]), CORNERS)
@@ -230,9 +232,9 @@ def test_the_guarantee_with_slack_holds_on_machines_whose_legs_are_that_wrong():
             held_x = inverse[:, 0] - inverse[:, 2] * arm[..., 1]
             held_y = inverse[:, 1] + inverse[:, 2] * arm[..., 0]
             assert (1 / np.hypot(held_x, held_y) >= bound.type2 - 1e-9).all()
-            sines = np.abs(np.sin(0.5 * (q + travel * signs)))
-            assert (sines >= np.array(bound.type1) - 1e-12).all()
-            assert (rho / (2 * LINK) >= np.array(bound.limb) - 1e-9).all()
+            levers = first * second * np.abs(np.sin(q + travel * signs)) / rho
+            assert (levers / np.minimum(first, second) >= np.array(bound.type1) - 1e-9).all()
+            assert (rho / (first + second) >= np.array(bound.limb) - 1e-9).all()
     assert promised > 50
 
 

@@ -124,6 +124,7 @@ class Judged:
     unseen: int  # joint states in the bag that never reached a supervisor
     missing: int  # samples a supervisor saw that are not in the bag
     robot: str = ""  # for which it was judged, and how it is known
+    errors: list[str] = field(default_factory=list)  # inside the supervisors, as a node would have caught them
 
     @property
     def chapters(self) -> list[Chapter]:
@@ -354,14 +355,24 @@ def _with_ticks(events: list[Event], end_ns: int) -> list[Event]:
 def _step_through(
     judged: Judged, first: Configure, events: list[Event], numbers: Iterator[int], ahead_ns: int = 0
 ) -> None:
-    """Judge the inputs of one supervisor. numbers: of its samples, as they were recorded."""
+    """Judge the inputs of one supervisor. numbers: of its samples, as they were recorded. An error inside makes the
+    state UNKNOWN, as in the node, and the replay goes on."""
     machine = robot_from_record(first.machine)
     supervisor = Supervisor(settings_from(first.values, machine), machine)
     chapters: list[Chapter] = []
     for event in events:
-        step = supervisor.step(event)
-        if step.state is not None:
-            judged.levels[len(judged.parts), next(numbers)] = step.state.level, step.state.causes
+        try:
+            step = supervisor.step(event)
+        except InvalidSettings:  # of the bag, not of an error inside
+            raise
+        except Exception as error:  # as the node guards it
+            step = supervisor.fail(event.seen_ns, error)
+            judged.errors.append(f"input seen at {event.seen_ns / S:.6f}: {type(error).__name__}: {error}")
+        if isinstance(event, JointSample):
+            found = (
+                (Level.UNKNOWN, int(Cause.INTERNAL)) if step.state is None else (step.state.level, step.state.causes)
+            )
+            judged.levels[len(judged.parts), next(numbers)] = found
         for turn in step.turns:
             text = "; ".join(finding.text for finding in turn.findings)
             chapters.append(Chapter(turn.since_ns + ahead_ns, turn.level, turn.causes, turn.latched, turn.event, text))

@@ -18,10 +18,13 @@ class Check(NamedTuple):
 
 
 def against_recording(recording: Recording, judged: Judged) -> list[Check]:
-    """Verdicts and states as recorded, against those judged again. Faults name the sample, earliest first."""
+    """Verdicts and states as recorded, against those judged again, and errors on the way if there were any. Faults name
+    the sample, earliest first."""
+    inside = [Check("errors inside", tuple(judged.errors))] if judged.errors else []
     if not recording.states:
-        return []
+        return inside
     return [
+        *inside,
         Check("recorded verdicts", tuple(_verdict_faults(recording, judged))),
         Check("recorded states", tuple(_state_faults(recording, judged))),
     ]

@@ -572,7 +572,7 @@ def test_no_change_of_settings_clears_a_stop():
 
 def test_an_error_inside_is_unknown_until_a_sample_is_judged_without_one():
     supervisor, q = ready(dwell_s=0.0)
-    verdict = supervisor.fail(sample(0, q).seen_ns, "division by zero")
+    verdict = supervisor.fail(sample(0, q).seen_ns, ZeroDivisionError("division by zero")).verdict
     assert (verdict.level, verdict.causes) == (Level.UNKNOWN, Cause.INTERNAL)
     assert "division by zero" in verdict.text
     steps = feed(supervisor, [tick(ms / 10) for ms in range(1, 400)])

@@ -7,9 +7,12 @@ from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
 
+import fake_failing_mechanism
 import pytest
+from fake_failing_mechanism import fake_robot_of
 from typer.testing import CliRunner
 
+import irsbot_supervisor.replay
 from irsbot_msgs_py.records import Cause, Configure, JointSample, Level, SingularityState, Verdict
 from irsbot_supervisor.cli.app import app
 from irsbot_supervisor.cli.replay import write_junit
@@ -74,6 +77,31 @@ def test_a_run_is_judged_as_it_was_and_the_same_twice(bag: Path) -> None:
     assert first.chapters[-1].latched
     assert (first.unseen, first.missing) == (0, 0)
     assert len(first.levels) == len(recording.states) > 300
+
+
+def test_an_error_inside_is_judged_unknown_as_in_the_node_and_the_replay_goes_on(
+    bag: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recording = read_recording(bag)
+    right = judge_again(recording)
+    before_the_faults = sorted(sample.position[0] for sample in recording.samples[:130])
+    monkeypatch.setattr(fake_failing_mechanism, "FAILS_ABOVE", before_the_faults[80])
+    monkeypatch.setattr(irsbot_supervisor.replay, "robot_from_record", lambda record: fake_robot_of(record["name"]))
+    judged = judge_again(recording)
+    assert len(judged.levels) == len(right.levels)
+    failed = [chapter for chapter in judged.chapters if chapter.causes & Cause.INTERNAL]
+    assert failed
+    assert {chapter.level for chapter in failed} == {Level.UNKNOWN}
+    assert "ArithmeticError: a fake error of the mechanism" in failed[0].text
+    assert any(chapter.since_ns > failed[0].since_ns and chapter.level == Level.OK for chapter in judged.chapters)
+    assert (Level.UNKNOWN, Cause.INTERNAL) in judged.levels.values()
+    assert "a fake error of the mechanism" in judged.errors[0]
+    checks = faults_of(recording, judged)
+    assert checks["errors inside"] == tuple(judged.errors)
+    assert checks["recorded states"]
+    said = CliRunner().invoke(app, ["replay", str(bag)])
+    assert said.exit_code == 1
+    assert "a fake error of the mechanism" in " ".join(said.output.split())
 
 
 def test_an_altered_verdict_is_named_with_its_number_and_its_sample(bag: Path, tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from irsbot_kinematics.conformance import margins, motion
+from irsbot_kinematics.conformance import margins, motion, singular
 from irsbot_kinematics.conformance.samples import Check, Law, Machine
 from irsbot_kinematics.robot import Robot
 
@@ -60,6 +60,7 @@ LAWS: tuple[_Entry, ...] = (
     _Entry("guarantee says something", margins.promises_something, 1e-3, "1"),
     _Entry("clearance is kept", margins.clearance_kept, 1e-6, "m, rad"),
     _Entry("branch goes on", margins.labels_stay, ROUNDING, "m, rad"),
+    _Entry("singular postures are answered", singular.singular_answered, ROUNDING, "1"),
 )
 """Every law: name, trial, largest allowed error and its unit."""
 

@@ -21,12 +21,15 @@ from irsbot_kinematics import statics
 from irsbot_kinematics.arithmetic import ARRAYS, FLOATS, Arithmetic, Array, N
 from irsbot_kinematics.assemblies import SAMPLED_TURNS, trigonometric_roots
 from irsbot_kinematics.boxes import Reached, Rod
-from irsbot_kinematics.guarantees import lowered
+from irsbot_kinematics.guarantees import EXACT, Errors, lowered
 from irsbot_kinematics.mechanism import Coordinate, Floats, Legs, Posture, Signs, Status, sign_of
 from irsbot_kinematics.mechanisms.turning_platform import Travel, TurningPlatform
 from irsbot_kinematics.tolerances import CLOSURE_TOL_M, FOLLOWED_TOL_M, SAME_POSE_TOL, UNREAL_TOL, VANISHED_TOL
 
 Point = tuple[float, float]
+TINY = 1e-200
+"""m or 1: keeps the direction of a rod defined where it has none: upright, or without length at a pose that is not its
+own. The margins, or the closure, then say so."""
 POLISH = 3
 """Newton steps on every root of the polynomial: they start closer than 1e-4 and double the digits each time."""
 NEAR = 0.01
@@ -282,17 +285,27 @@ class CrankPlatform(TurningPlatform):
     def travel_of(self, at: Posture, travel: Sequence[float], slack_m: float) -> Travel:
         """C_i moves by at most crank travel_i; along the rod by |B_ii| travel_i + crank travel_i^2/2."""
         half = 0.5 * self.crank
-        drives = [(abs(lever) + half * t) * t + slack_m for lever, t in zip(at.levers, travel, strict=True)]
-        return Travel(drives, self.crank * max(travel) + slack_m, self.rod)
+        ends, length, _ = self.geometry_errors(slack_m) if slack_m else EXACT
+        off = ends + length
+        drives = [(abs(lever) + half * t) * t + off for lever, t in zip(at.levers, travel, strict=True)]
+        return Travel(drives, self.crank * max(travel) + ends, self.rod)
+
+    def geometry_errors(self, slack_m: float) -> Errors:
+        """Level, the places of both joints and the crank's length, which moves its end along the crank; along z both
+        places, where there is a z."""
+        place = sqrt(2.0) * slack_m
+        level = 2.0 * place + slack_m
+        return Errors(hypot(level, 2.0 * slack_m) if len(self.feet) == 4 else level, slack_m, place)
 
     def rods_of(self, at: Posture, travel: Sequence[float], slack_m: float) -> list[Rod]:
         """The near ends run on the circles of the cranks."""
         l1, level, rods = self.crank, (0.0,) * (len(at.pose) - 3), []
+        ends, length, _ = self.geometry_errors(slack_m) if slack_m else EXACT
         for q, h, (rx, ry, *_) in zip(at.joints, travel, at.screws, strict=True):
             ux, uy, curve = cos(q), sin(q), 0.5 * l1 * h * h
             near = -l1 * h * uy, l1 * h * ux, *level
-            bend, uncertain = curve * (ux * rx + uy * ry), curve * h / 3.0 + slack_m
-            rods.append(Rod(self.rod, near, curve + slack_m, bend=bend, uncertain=uncertain))
+            bend, uncertain = curve * (ux * rx + uy * ry), curve * h / 3.0 + ends
+            rods.append(Rod(self.rod, near, curve + ends, 0.0, length, bend, uncertain))
         return rods
 
     def sines_over(self, at: Posture, travel: Sequence[float], met: Reached) -> Floats:
@@ -310,7 +323,7 @@ class CrankPlatform(TurningPlatform):
             floors.append(left if left > 0.0 else 0.0)
         return tuple(floors)
 
-    def sine_floors(self, at: Posture, travel: Sequence[float], turn_rad: float) -> Floats:
+    def sine_floors(self, at: Posture, travel: Sequence[float], turn_rad: float, slack_m: float = 0.0) -> Floats:
         """The sine is |elevation| of the rod over the upright plane through its crank: both turn by bounded angles."""
         return tuple([lowered(sine, turn_rad + t, 0.0) for sine, t in zip(at.type1, travel, strict=True)])
 
@@ -327,7 +340,7 @@ class CrankPlatform(TurningPlatform):
             r = hypot(at.pose[0] + ax - fx, at.pose[1] + ay - fy)
             near, far = hypot(r - l1, z) + ball, hypot(r + l1, z) - ball
             least = min(least, (far - l2) * (far + l2) * (l2 - near) * (l2 + near))
-        return ball, (1.0 + 2.0 * l1 * l2 / sqrt(least)) / l2
+        return (ball, (1.0 + 2.0 * l1 * l2 / sqrt(least)) / l2) if least > 0.0 else (0.0, inf)
 
 
 def _copies(pose: Sequence[Array], valid: NDArray[np.bool_], left: Array) -> NDArray[np.bool_]:

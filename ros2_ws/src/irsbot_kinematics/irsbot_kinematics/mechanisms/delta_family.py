@@ -12,10 +12,11 @@ from math import asin, inf, isfinite, nan, sin, sqrt
 from operator import sub
 from typing import NamedTuple
 
+from irsbot_kinematics import statics
 from irsbot_kinematics.arithmetic import FLOATS, Arithmetic, N
 from irsbot_kinematics.boxes import Rod, distances, reached
 from irsbot_kinematics.geometry import require, require_finite, require_size
-from irsbot_kinematics.guarantees import displacement, level_after
+from irsbot_kinematics.guarantees import EXACT, Errors, displacement, least_cosine, level_after
 from irsbot_kinematics.mechanism import (
     Coordinate,
     Floats,
@@ -242,14 +243,18 @@ class DeltaFamily(Mechanism):
         size = abs(at.det)
         c1, c2, c3 = at.cos_pressure
         s1, s2, s3 = at.type1
-        t1, t2, t3 = travel
-        h1, h2, h3 = t1 + slack_m, t2 + slack_m, t3 + slack_m
-        if not size > 0.0:
+        h1, h2, h3 = t1, t2, t3 = travel
+        e1 = e2 = e3 = 0.0
+        if slack_m:
+            off1, off2, off3 = self.geometry_errors(at.joints, travel, slack_m)
+            h1, h2, h3 = t1 + off1.ends, t2 + off2.ends, t3 + off3.ends
+            e1, e2, e3 = off1.ends + off1.length, off2.ends + off2.length, off3.ends + off3.length
+        if not (size > 0.0 and c1 > 0.0 and c2 > 0.0 and c3 > 0.0):  # rods in one plane, to rounding
             return self._nothing
         move = displacement(
-            (s1 * t1 + slack_m + 0.5 * h1 * h1 / L) / c1
-            + (s2 * t2 + slack_m + 0.5 * h2 * h2 / L) / c2
-            + (s3 * t3 + slack_m + 0.5 * h3 * h3 / L) / c3,
+            (s1 * t1 + e1 + 0.5 * h1 * h1 / L) / c1
+            + (s2 * t2 + e2 + 0.5 * h2 * h2 / L) / c2
+            + (s3 * t3 + e3 + 0.5 * h3 * h3 / L) / c3,
             (h1 / c1 + h2 / c2 + h3 / c3) / L,
             0.5 * (1.0 / c1 + 1.0 / c2 + 1.0 / c3) / L,
         )
@@ -267,34 +272,65 @@ class DeltaFamily(Mechanism):
                 asin(c1) - turn1 - asin(share1), asin(c2) - turn2 - asin(share2), asin(c3) - turn3 - asin(share3)
             )
             type2 = sin(left) if left > 0.0 else 0.0
-        away = move + slack_m
-        type1 = (self._sine(at.reach[0] - away), self._sine(at.reach[1] - away), self._sine(at.reach[2] - away))
+        if slack_m:
+            _, columns = statics.cofactors(at.screws)
+            ways = [[[value / at.det for value in column]] * 3 for column in columns]
+            type2 = max(type2, least_cosine(ways, (0.0, 0.0, 0.0), (turn1, turn2, turn3), 0.0))
+        a1 = a2 = a3 = move
+        if slack_m:
+            a1, a2, a3 = [move + error for error in self.rail_errors(at, slack_m)]
+        r1, r2, r3 = at.reach
+        type1 = (  # near 0 a sine from lengths has half the digits of one from directions
+            min(self._sine(r1 - a1, slack_m), s1),
+            min(self._sine(r2 - a2, slack_m), s2),
+            min(self._sine(r3 - a3, slack_m), s3),
+        )
         return Guarantee(type1, type2, nan, type1[: self.limb_count])
+
+    def geometry_errors(self, joints: Sequence[float], travel: Sequence[float], slack_m: float) -> list[Errors]:
+        """What a geometry that is off by slack_m does to every leg while its slide is within `travel` of its joint."""
+        return [Errors(self._off_rail(q, t, slack_m), slack_m, 0.0) for q, t in zip(joints, travel, strict=True)]
+
+    def rail_errors(self, at: Posture, slack_m: float) -> list[float]:
+        """m by which each rail is off where the platform point is nearest to it."""
+        return [self._off_rail(q - self.rod * sine, 0.0, slack_m) for q, sine in zip(at.joints, at.sines, strict=True)]
+
+    def _off_rail(self, q: float, travel: float, slack_m: float) -> float:
+        """m by which a point of a rail is off whose ends are off by sqrt(3) slack_m: no more between the ends, beyond
+        them in proportion to the distance from the middle."""
+        lower, upper = self.geometry.limits
+        beyond = (abs(2.0 * q - lower - upper) + 2.0 * travel) / (upper - lower)
+        return sqrt(3.0) * slack_m * max(beyond, 1.0)
 
     def guarantee_sharp(self, at: Posture, travel: Sequence[float], slack_m: float = 0.0) -> Guarantee:
         """boxes.reached; the Type 1 sines from the distances of the platform point from the rails."""
+        errors = self.geometry_errors(at.joints, travel, slack_m) if slack_m else (EXACT,) * 3
         rods = [
-            Rod(self.rod, (h * ux, h * uy, h * uz), slack_m)
-            for h, (_, (ux, uy, uz)) in zip(travel, self.rails, strict=True)
+            Rod(self.rod, (h * ux, h * uy, h * uz), ends, 0.0, length)
+            for h, (_, (ux, uy, uz)), (ends, length, _arm) in zip(travel, self.rails, errors, strict=True)
         ]
         met = reached(at, rods) if min(travel) >= 0.0 else None
         if met is None:
             return self._nothing
-        far, type1 = met.aside + slack_m, []
-        for o, u in self.rails:
+        off_rails = self.rail_errors(at, slack_m) if slack_m else (0.0,) * 3
+        type1 = []
+        for (o, u), off, sine in zip(self.rails, off_rails, at.type1, strict=True):
             moves = [_across(move, u) for move in met.moves]
-            type1.append(self._sine(self.rod - distances(_across(map(sub, at.pose, o), u), moves, far)[1]))
+            far = distances(_across(map(sub, at.pose, o), u), moves, met.aside + off)[1]
+            type1.append(min(self._sine(self.rod - far, slack_m), sine))
         return Guarantee(tuple(type1), met.type2, nan, tuple(type1[: self.limb_count]))
 
-    def _sine(self, reach: float) -> float:
-        """Sine of a leg whose rail is L - reach away from the platform point; 0 out of reach."""
-        return sqrt(reach * (2.0 * self.rod - reach)) / self.rod if reach > 0.0 else 0.0
+    def _sine(self, reach: float, shorter: float = 0.0) -> float:
+        """Sine of a leg whose rail is L - reach away from the platform point, and whose rod is `shorter` than L; 0 out
+        of reach."""
+        rod, left = self.rod - shorter, reach - shorter
+        return sqrt(left * (2.0 * rod - left)) / rod if left > 0.0 else 0.0
 
     def clearance(self, at: Posture) -> float:
         """Type 1 and limbs: exact, the smallest reach. Type 2: while P stays in a ball, rod i turns by at most
         |move|/(L sine_i) with its smallest sine_i in the ball, because its end runs on a sphere over the plane across
         the rail; the elevations of `guarantee` fall accordingly. Of two balls the better bound counts."""
-        wide = CLEARANCE_BALL * min(at.reach)
+        wide = CLEARANCE_BALL * max(min(at.reach), 0.0)
         bound = self._level_after(at, wide)
         if not bound < wide:
             return wide

@@ -6,7 +6,7 @@ Source: the five-bar of [S1] and the translational limit of [S2]; the equations 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import nan
+from math import nan, sqrt
 from typing import ClassVar
 
 from irsbot_kinematics.arithmetic import Arithmetic, N
@@ -50,3 +50,7 @@ class FiveBar(PlanarPair):
     def constraint_guarantee(self, parts: Floats, turn_rad: float) -> float:
         """NaN: there is no constraint margin."""
         return nan
+
+    def foot_error(self, slack_m: float) -> float:
+        """The motor's place, both coordinates."""
+        return sqrt(2.0) * slack_m

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import atan2, cos, hypot, inf, pi, sin, sqrt
+from math import asin, atan2, cos, hypot, inf, pi, sin, sqrt
 from typing import ClassVar
 
 from irsbot_kinematics.arithmetic import Arithmetic, N
@@ -175,6 +175,49 @@ class Irsbot2(PlanarPair):
         sigma_y = s * sqrt(2.0 * square)
         sigma_xz = least_singular(base, ways, sqrt(room + error * error))
         return sigma_y if sigma_y < sigma_xz else sigma_xz
+
+    def foot_error(self, slack_m: float) -> float:
+        """Along x the places of motor and wrist and the arm's a1 sin(beta), along z both places and e."""
+        g, tilt = self.geometry, slack_m / self.geometry.a1
+        if not tilt < min(g.beta, 0.5 * pi - g.beta):
+            return inf
+        longest = (g.a1 + slack_m) * sin(g.beta + tilt)
+        shortest = (g.a1 - slack_m) * sin(g.beta - tilt)
+        inwards = g.a1 * sin(g.beta)
+        return hypot(2.0 * slack_m + max(longest - inwards, inwards - shortest), 3.0 * slack_m)
+
+    def parts_left(self, at: Posture, turn_rad: float, slack_m: float) -> Floats:
+        """At fixed psi a rod's normal changes with the direction of (c (cos psi + sigma D/l2eq), -sin psi), whose size
+        falls by no more than the rods' turn, and with beta; P_I P_II/Lc with p, mu l2eq and the wrists' places."""
+        g, s, tilt = self.geometry, slack_m, slack_m / self.geometry.a1
+        sine, c, l2, D, _, _ = self._numbers
+        nothing = (0.0, 0.0, *at.parts[2:])
+        if not (tilt < min(g.beta, 0.5 * pi - g.beta) and 2.0 * s < g.a1 - g.a2 and s < l2):
+            return nothing
+        less_cos, less_sin = c - cos(g.beta + tilt), sine - sin(g.beta - tilt)  # both concave: the larger changes
+        apart, share = g.a1 - g.a2, D / l2
+        change = max(
+            (apart + 2.0 * s) * sin(g.beta + tilt) / (l2 - s) - share,
+            share - (apart - 2.0 * s) * sin(g.beta - tilt) / (l2 + s),
+        )
+        off = less_cos * (1.0 + share + change) + c * change
+        turns = []
+        for (rx, rz), inwards in zip(at.screws, (share, -share), strict=True):
+            size = max(hypot(c * (rx + inwards), rz) - turn_rad, c * abs(1.0 - share))
+            if not off < size:
+                return nothing
+            turns.append(asin(off / size))
+        longer = max(
+            (g.a2 + s) * (l2 + s) / (apart - 2.0 * s) - g.ell, g.ell - (g.a2 - s) * (l2 - s) / (apart + 2.0 * s)
+        )
+        scale = 2.0 * (s + longer)  # change of Lc
+        if not scale < g.Lc:
+            return nothing
+        line = (2.0 * (sqrt(2.0) * s + longer) + scale) / (g.Lc - scale)
+        one, two = turns
+        less_y = sqrt(2.0) * hypot(sine * one + less_sin, sine * two + less_sin)
+        less_xz = hypot(sqrt(2.0) * hypot(one + less_cos, two + less_cos), line)
+        return (at.parts[0] - less_y, at.parts[1] - less_xz, *at.parts[2:])
 
     def clearance(self, at: Posture) -> float:
         """As for the planar pair, and exact for the constraint singularities: points of the workspace of one mode."""

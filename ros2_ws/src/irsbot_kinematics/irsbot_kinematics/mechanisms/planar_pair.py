@@ -9,10 +9,11 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from math import acos, atan2, cos, hypot, inf, isfinite, nan, pi, sin, sqrt, tau
+from math import acos, asin, atan2, cos, hypot, inf, isfinite, nan, pi, sin, sqrt, tau
 from typing import NamedTuple
 
 from irsbot_kinematics.arithmetic import FLOATS, Arithmetic, N
+from irsbot_kinematics.guarantees import EXACT, Errors, lowered
 from irsbot_kinematics.mechanism import (
     Coordinate,
     Floats,
@@ -71,6 +72,19 @@ class PlanarPair(Mechanism):
     @abstractmethod
     def constraint_guarantee(self, parts: Floats, turn_rad: float) -> float:
         """Lower bound of the constraint margin while the rods turn by at most turn_rad together; NaN: there is none."""
+
+    @abstractmethod
+    def foot_error(self, slack_m: float) -> float:
+        """m by which A_k, where the loop sees its crank start, is off if the geometry is off by slack_m."""
+
+    def parts_left(self, at: Posture, turn_rad: float, slack_m: float) -> Floats:
+        """`constraint_parts` of a machine whose geometry is off, at rods' directions at most turn_rad together from the
+        posture's: at.parts, less what the errors take at fixed directions."""
+        return at.parts
+
+    def geometry_errors(self, slack_m: float) -> Errors:
+        """What a geometry that is off by slack_m does to a leg: the crank's length moves the elbow along the crank."""
+        return Errors(self.foot_error(slack_m) + slack_m, slack_m, 0.0)
 
     # --- equations, floats or arrays -------------------------------------------------------------------------
 
@@ -192,41 +206,70 @@ class PlanarPair(Mechanism):
     def guarantee(self, at: Posture, travel: Sequence[float], slack_m: float = 0.0) -> Guarantee:
         """Closed-form bounds. The elbow distance d changes by at most the elbows' paths; cos alpha depends on d alone
         and is unimodal; the platform moves by at most the elbows' paths over the smallest cos alpha met; each Type 1
-        sine depends on |A_k P| alone and is unimodal; each rod turns by at most (platform + elbow path) / rod.
-        An error of a leg displaces its elbow by at most the slack; A_k P is then seen from a displaced A_k."""
+        sine depends on |A_k P| alone and is unimodal; each rod turns by at most (platform + elbow path) / rod."""
+        if slack_m:
+            return self._guarantee_if_wrong(at, travel, slack_m)
         _b0, _e, l1, l2 = self.loop
-        elbows = l1 * (travel[0] + travel[1])
-        path = elbows + 2.0 * slack_m
+        path = l1 * (travel[0] + travel[1])
         d, full, parts = at.gaps[1], 2.0 * l2, at.parts
         low, high = d - path, d + path
         if not (low > 0.0 and high < full):
-            return Guarantee((0.0, 0.0), 0.0, self.constraint_guarantee(parts, inf), ())
+            return self._nothing(parts)
         low *= sqrt((full - low) * (full + low))
         high *= sqrt((full - high) * (full + high))
         type2 = (low if low < high else high) / (full * l2)
-        apart = path / type2 + slack_m
-        return Guarantee(
-            (self._sine_floor(parts[-2], apart), self._sine_floor(parts[-1], apart)),
-            type2,
-            self.constraint_guarantee(parts, (2.0 * apart + elbows) / l2),  # turn of both rods together
-            (),
-        )
+        apart = path / type2
+        middle, span = self._squares
+        type1 = [_sine_in(r - apart, r + apart, middle, span) for r in parts[-2:]]
+        constraint = self.constraint_guarantee(parts, (2.0 * apart + path) / l2)  # turn of both rods together
+        return Guarantee(_capped(type1, at.sines), type2, constraint, ())
+
+    def _guarantee_if_wrong(self, at: Posture, travel: Sequence[float], slack_m: float) -> Guarantee:
+        """The same for a geometry that is off. Its errors are further paths of the elbows; a rod that grows moves the
+        platform as an elbow does that moves along it. A_k P is then seen from a displaced A_k, in a triangle of other
+        sides. The triangle of elbows and platform, too, says how far a rod turns, and the better bound counts."""
+        _b0, _e, l1, l2 = self.loop
+        ends, length, _ = self.geometry_errors(slack_m)
+        path = l1 * (travel[0] + travel[1]) + 2.0 * ends
+        d, parts, short = at.gaps[1], at.parts, l2 - length
+        low, high = d - path, d + path
+        if not (low > 2.0 * length and high < 2.0 * short):
+            return self._nothing(parts)
+        type2 = _least_sine(low, high, l2, length)
+        move = (path + 2.0 * length) / type2
+        turn = asin(path / d) + _opening(d, low, high, l2, length)  # of one rod
+        both = min((2.0 * move + path) / short, 2.0 * turn)
+        apart = move + self.foot_error(slack_m)
+        type1 = [
+            max(self._sine_floor(r, apart, length), lowered(abs(sine), turn + t))
+            for r, sine, t in zip(parts[-2:], at.sines, travel, strict=True)
+        ]
+        parts = self.parts_left(at, both, slack_m)
+        return Guarantee(_capped(type1, at.sines), type2, self.constraint_guarantee(parts, both), ())
+
+    def _nothing(self, parts: Floats) -> Guarantee:
+        return Guarantee((0.0, 0.0), 0.0, self.constraint_guarantee(parts, inf), ())
 
     def guarantee_sharp(self, at: Posture, travel: Sequence[float], slack_m: float = 0.0) -> Guarantee:
         """To second order, in closed form. Along v = C_2 - C_1 and across it, to first order the elbows move by x_j and
         y_j with joint j, by `rest` on top. Both rods turn with v, by y/d, and against each other, as cos gamma = d/(2 l2)
         asks; `error` bounds what is left of both turns. The platform point goes with elbow and rod of one leg, and the
-        Type 1 sines follow from its distances from the feet."""
+        Type 1 sines follow from its distances from the feet.
+
+        A leg whose geometry is off has its rod, and its crank, where one with exact lengths would have them if its elbow
+        and foot were off by all its errors together."""
         b0, e, l1, l2 = self.loop
         (r1x, r1z), (r2x, r2z) = at.screws
         q1, q2 = at.joints
         h1, h2 = travel
         det, parts, d, full = at.det, at.parts, at.gaps[1], 2.0 * l2
-        nothing = Guarantee((0.0, 0.0), 0.0, self.constraint_guarantee(parts, inf), ())
+        nothing = self._nothing(parts)
         if not (det != 0.0 and h1 >= 0.0 and h2 >= 0.0):
             return nothing
         n1x, n1z, n2x, n2z = -l1 * h1 * sin(q1), -l1 * h1 * cos(q1), -l1 * h2 * sin(q2), -l1 * h2 * cos(q2)
-        rest1, rest2 = 0.5 * l1 * h1 * h1 + slack_m, 0.5 * l1 * h2 * h2 + slack_m
+        ends, length, _ = self.geometry_errors(slack_m) if slack_m else EXACT
+        wrong = ends + length
+        rest1, rest2 = 0.5 * l1 * h1 * h1 + wrong, 0.5 * l1 * h2 * h2 + wrong
         rest = rest1 + rest2
         vx, vz = (r1x - r2x) / d * l2, (r1z - r2z) / d * l2
         along = abs(vx * n1x + vz * n1z) + abs(vx * n2x + vz * n2z) + rest
@@ -251,15 +294,19 @@ class PlanarPair(Mechanism):
         t21, t22 = (r2x * d1z - r2z * d1x) / l2, (r2x * (d2z - n2z) - r2z * (d2x - n2x)) / l2
         turn1, turn2 = abs(t11) + abs(t12) + error, abs(t21) + abs(t22) + error
         off1, off2 = rest1 + l2 * (error + 0.5 * turn1 * turn1), rest2 + l2 * (error + 0.5 * turn2 * turn2)
-        off = (off1 if off1 < off2 else off2) + slack_m
+        off = (off1 if off1 < off2 else off2) + wrong
         x, z = at.pose
         type1 = (
             self._sine_between(*_distances(x + b0, z + e, d1x, d1z, d2x, d2z, off)),
             self._sine_between(*_distances(x - b0, z + e, d1x, d1z, d2x, d2z, off)),
         )
         if len(parts) == 2:
-            return Guarantee(type1, type2, nan, ())
-        return Guarantee(type1, type2, self.constraint_over(at, ((t11, t12), (t21, t22)), (error, error)), ())
+            return Guarantee(_capped(type1, at.sines), type2, nan, ())
+        constraint = self.constraint_over(at, ((t11, t12), (t21, t22)), (error, error))
+        if slack_m:
+            left = self.parts_left(at, turn1 + turn2, slack_m)
+            constraint = max(constraint - max(parts[0] - left[0], parts[1] - left[1]), 0.0)
+        return Guarantee(_capped(type1, at.sines), type2, constraint, ())
 
     def constraint_over(
         self, at: Posture, turns: tuple[tuple[float, float], tuple[float, float]], rests: tuple[float, float]
@@ -269,22 +316,30 @@ class PlanarPair(Mechanism):
         turn = sum([abs(a) + abs(b) + rest for (a, b), rest in zip(turns, rests, strict=True)])
         return self.constraint_guarantee(at.parts, turn)
 
-    def _sine_floor(self, r: float, move: float) -> float:
-        """Smallest |sin(q - psi)| while |A P| stays within `move` of r."""
-        return self._sine_between(r - move, r + move)
+    def _sine_floor(self, r: float, move: float, error: float = 0.0) -> float:
+        """Smallest |sin(q - psi)| while |A P| stays within `move` of r, and crank and rod within `error` of theirs.
+
+        |f| of f = (r^2 - a^2 - b^2)/(2 a b) is largest at a corner of a box of (r, a, b): f grows with r; in a and in b
+        it is monotone, or concave with a maximum that is not positive, so that |f| is largest at an end.
+        """
+        near, far = r - move, r + move
+        if not error:
+            return self._sine_between(near, far)
+        l1, l2, least = self.loop.crank, self.loop.rod, 1.0
+        for a in (l1 - error, l1 + error):
+            for b in (l2 - error, l2 + error):
+                least = min(_sine_in(near, far, a * a + b * b, 2.0 * a * b), least)
+        return least
 
     def _sine_between(self, near: float, far: float) -> float:
         """Smallest |sin(q - psi)| for |A P| in a range: S^2 = 1 - ((r^2 - l1^2 - l2^2)/(2 l1 l2))^2."""
-        middle, span = self._squares
-        low, high = middle - near * near, far * far - middle
-        worst = low if low > high else high
-        return sqrt((span - worst) * (span + worst)) / span if near > 0.0 and worst < span else 0.0
+        return _sine_in(near, far, *self._squares)
 
     def clearance(self, at: Posture) -> float:
         """Type 1: exact. Type 2 with parallel rods: exact distance to the locus arcs of this working mode. Type 2 with
         rods in line: what the rods still have to turn, over their speed while the platform stays within a ball."""
         reach1, reach2 = at.reach
-        reach = nearest = reach1 if reach1 < reach2 else reach2
+        reach = nearest = max(reach1 if reach1 < reach2 else reach2, 0.0)
         x, z = at.pose
         rod = self.loop.rod
         for cx, cz, toward_x, toward_z, cosine, from_x, from_z, to_x, to_z in self._arcs.get(at.working_mode, ()):
@@ -329,6 +384,45 @@ def _distances(x: float, z: float, ax: float, az: float, bx: float, bz: float, r
     along = abs(x * ax + z * az) + abs(x * bx + z * bz)
     aside = abs(x * az - z * ax) + abs(x * bz - z * bx)
     return size - along - rest, hypot(size + along, aside) + rest
+
+
+def _capped(floors: Sequence[float], sines: Floats) -> Floats:
+    """Near 0 a sine from lengths has half the digits of one from directions."""
+    (floor1, floor2), (sine1, sine2) = floors, sines
+    size1, size2 = abs(sine1), abs(sine2)
+    return (floor1 if floor1 < size1 else size1, floor2 if floor2 < size2 else size2)
+
+
+def _sine_in(near: float, far: float, middle: float, span: float) -> float:
+    """Smallest sin of the angle between sides a, b of triangles whose third side is between near and far.
+
+    middle: a^2 + b^2; span: 2 a b, m^2."""
+    low, high = middle - near * near, far * far - middle
+    worst = low if low > high else high
+    return sqrt((span - worst) * (span + worst)) / span if near > 0.0 and worst < span else 0.0
+
+
+def _least_sine(low: float, high: float, rod: float, error: float) -> float:
+    """Smallest sin of the angle between rods a, b within `error` of `rod` whose near ends are low to high apart.
+
+    cos = 1 - (d^2 - (a - b)^2)/(2 a b) is at most 1 - (low^2 - (2 error)^2)/(2 long^2) and, because a/b + b/a >= 2, at
+    least 1 - high^2/(2 short^2).
+    """
+    long, short = rod + error, rod - error
+    low = sqrt((low - 2.0 * error) * (low + 2.0 * error))
+    return min(
+        low * sqrt((2.0 * long - low) * (2.0 * long + low)) / (2.0 * long * long),
+        high * sqrt((2.0 * short - high) * (2.0 * short + high)) / (2.0 * short * short),
+    )
+
+
+def _opening(d: float, low: float, high: float, rod: float, error: float) -> float:
+    """By how much the angle between a rod and the line of the near ends can differ from acos(d/(2 rod)), rad, where the
+    near ends are low to high apart and the rods a, b within `error` of `rod`: cos = d/(2 a) + (a^2 - b^2)/(2 a d)."""
+    long, short = rod + error, rod - error
+    other = 2.0 * rod * error / (short * low)
+    now = acos(min(0.5 * d / rod, 1.0))
+    return max(acos(max(0.5 * low / long - other, -1.0)) - now, now - acos(min(0.5 * high / short + other, 1.0)))
 
 
 def coincident_elbows(loop: Loop) -> list[tuple[float, float]]:

@@ -14,7 +14,7 @@ from typing import ClassVar
 from irsbot_kinematics.arithmetic import FLOATS, Arithmetic, N
 from irsbot_kinematics.boxes import Rod
 from irsbot_kinematics.geometry import require, require_finite
-from irsbot_kinematics.guarantees import CHORD, HALF
+from irsbot_kinematics.guarantees import CHORD, EXACT, HALF, Errors
 from irsbot_kinematics.mechanism import Coordinate, Floats, Legs, Posture, Signs, Status, sign_of
 from irsbot_kinematics.mechanisms.turning_platform import Travel, TurningPlatform
 from irsbot_kinematics.tolerances import CLOSURE_TOL_M, COINCIDENT_TOL_M
@@ -225,7 +225,7 @@ class Rrr3(TurningPlatform):
             at.joints, joint_rates, at.screws, at.arms, at.reach, strict=True
         ):
             across = rx * (vy + w * ax) - ry * (vx - w * ay)
-            swing = across * across / (2.0 * l - reach)
+            swing = across * across / (2.0 * l - reach + _TINY)
             c.append(swing - w * w * (ax * rx + ay * ry) + 0.5 * l * rate * rate * abs(cos(0.5 * q)))
         return tuple(c)
 
@@ -239,35 +239,56 @@ class Rrr3(TurningPlatform):
             return Travel((inf, inf, inf), slack_m, 0.0)
         b1, b2, b3 = at.levers
         t1, t2, t3 = travel
-        D1 = (abs(b1) + 0.25 * l * t1) * t1 + slack_m
-        D2 = (abs(b2) + 0.25 * l * t2) * t2 + slack_m
-        D3 = (abs(b3) + 0.25 * l * t3) * t3 + slack_m
+        ends, length, _ = self.geometry_errors(slack_m) if slack_m else EXACT
+        D1 = (abs(b1) + 0.25 * l * t1) * t1 + length
+        D2 = (abs(b2) + 0.25 * l * t2) * t2 + length
+        D3 = (abs(b3) + 0.25 * l * t3) * t3 + length
         half = 0.5 / rod
-        return Travel((D1 + half * D1 * D1, D2 + half * D2 * D2, D3 + half * D3 * D3), slack_m, rod)
+        return Travel((D1 + half * D1 * D1 + ends, D2 + half * D2 * D2 + ends, D3 + half * D3 * D3 + ends), ends, rod)
+
+    def geometry_errors(self, slack_m: float) -> Errors:
+        """The places of both corners; |d rho/d l| <= 1 for either link."""
+        place = sqrt(2.0) * slack_m
+        return Errors(2.0 * place, 2.0 * slack_m, place)
 
     def rods_of(self, at: Posture, travel: Sequence[float], slack_m: float) -> list[Rod]:
         """The near ends stay; rho_i grows by -B_ii per rad, and bends by at most l/2 per rad^2."""
         l = self.geometry.l
+        ends, length, _ = self.geometry_errors(slack_m) if slack_m else EXACT
         return [
-            Rod(2.0 * l - reach, (0.0, 0.0), slack_m, -lever * h, 0.25 * l * h * h)
+            Rod(2.0 * l - reach, (0.0, 0.0), ends, -lever * h, 0.25 * l * h * h + length)
             for lever, reach, h in zip(at.levers, at.reach, travel, strict=True)
         ]
 
-    def sine_floors(self, at: Posture, travel: Sequence[float], turn_rad: float) -> Floats:
-        """The sine is |sin(q_i/2)|, whatever the platform does."""
+    def sine_floors(self, at: Posture, travel: Sequence[float], turn_rad: float, slack_m: float = 0.0) -> Floats:
+        """The sine is |sin(q_i/2)|, whatever the platform does.
+
+        Of links a < b it is the lever a b sin(q)/rho over its largest size a: the same times (1 + x)/sqrt(1 + x^2 T)
+        with x = (b - a)/(b + a) <= slack/l and T = tan^2(q/2), which is least at an end of the range of x.
+        """
         s1, s2, s3 = at.sines
         t1, t2, t3 = travel
-        return _sine_floor(s1, t1), _sine_floor(s2, t2), _sine_floor(s3, t3)
+        floors = _sine_floor(s1, t1), _sine_floor(s2, t2), _sine_floor(s3, t3)
+        if slack_m:
+            x = slack_m / self.geometry.l
+            limbs = self.limb_floors(at, travel, slack_m, floors)
+            floors = tuple([sine * _unequal(x, cosine) for sine, cosine in zip(floors, limbs, strict=True)])  # type: ignore[assignment]
+        return floors
 
     def limb_floors(self, at: Posture, travel: Sequence[float], slack_m: float, type1: Floats) -> Floats:
-        """|cos(q_i/2)| falls no faster than |sin(q_i/2)| would from the same value."""
-        less = 0.5 * slack_m / self.geometry.l
-        return tuple([max(_sine_floor(c, t) - less, 0.0) for c, t in zip(at.limb, travel, strict=True)])
+        """|cos(q_i/2)| falls no faster than |sin(q_i/2)| would from the same value. Of links a, b the margin is rho
+        over its largest size a + b, which is at least that."""
+        return tuple([_sine_floor(c, t) for c, t in zip(at.limb, travel, strict=True)])
 
     def turn_rate(self, at: Posture) -> tuple[float, float]:
         """A rod that keeps half its length turns by at most asin(move/rho_i) <= CHORD move/rho_i."""
         rod = 2.0 * self.geometry.l - max(at.reach)
         return min(min(at.reach), HALF * rod), CHORD / rod if rod > 0.0 else inf
+
+
+def _unequal(x: float, cosine: float) -> float:
+    """The smallest (1 + x)/sqrt(1 + x^2 tan^2(q/2)) from 0 to x where cos(q/2) is at least `cosine`; 0 if unknown."""
+    return min((1.0 + x) * cosine / hypot(cosine, x * sqrt(1.0 - cosine * cosine)), 1.0) if x < 1.0 else 0.0
 
 
 def _sine_floor(sine: float, travel: float) -> float:

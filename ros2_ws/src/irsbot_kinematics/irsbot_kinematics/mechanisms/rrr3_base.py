@@ -16,7 +16,7 @@ from irsbot_kinematics.arithmetic import FLOATS, Arithmetic, Array, N
 from irsbot_kinematics.assemblies import planar_closing
 from irsbot_kinematics.geometry import require, require_finite, require_size
 from irsbot_kinematics.mechanism import Floats, Legs, Posture, Status, sign_of
-from irsbot_kinematics.mechanisms.crank_platform import CrankPlatform, Point
+from irsbot_kinematics.mechanisms.crank_platform import TINY, CrankPlatform, Point
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ class Rrr3Base(CrankPlatform):
             X, Y = x + ax - fx, y + ay - fy
             ux, uy = k.cos(q), k.sin(q)
             rx, ry = X - l1 * ux, Y - l1 * uy
-            size = k.hypot(rx, ry)
+            size = k.hypot(rx, ry) + TINY
             rx, ry = rx / size, ry / size
             r = k.hypot(X, Y)
             screws.append((rx, ry, ax * ry - ay * rx))
@@ -103,7 +103,7 @@ class Rrr3Base(CrankPlatform):
         u1x, u1y, u2x, u2y, u3x, u3y = cos(q1), sin(q1), cos(q2), sin(q2), cos(q3), sin(q3)
         d1x, d1y, d2x, d2y = X1 - l1 * u1x, Y1 - l1 * u1y, X2 - l1 * u2x, Y2 - l1 * u2y
         d3x, d3y = X3 - l1 * u3x, Y3 - l1 * u3y
-        rod1, rod2, rod3 = hypot(d1x, d1y), hypot(d2x, d2y), hypot(d3x, d3y)
+        rod1, rod2, rod3 = hypot(d1x, d1y) + TINY, hypot(d2x, d2y) + TINY, hypot(d3x, d3y) + TINY
         r1x, r1y, r2x, r2y, r3x, r3y = d1x / rod1, d1y / rod1, d2x / rod2, d2y / rod2, d3x / rod3, d3y / rod3
         m1, m2, m3 = a1x * r1y - a1y * r1x, a2x * r2y - a2y * r2x, a3x * r3y - a3y * r3x
         v1x, v1y, w1 = r2y * m3 - m2 * r3y, m2 * r3x - r2x * m3, r2x * r3y - r2y * r3x

@@ -21,10 +21,7 @@ from irsbot_kinematics.assemblies import planar_position
 from irsbot_kinematics.boxes import Reached, least_singular
 from irsbot_kinematics.geometry import require, require_finite
 from irsbot_kinematics.mechanism import Floats, Legs, Posture
-from irsbot_kinematics.mechanisms.crank_platform import CrankPlatform
-
-_TINY = 1e-200
-"""1: keeps the horizontal direction of an upright rod defined; the limb margin is 0 there."""
+from irsbot_kinematics.mechanisms.crank_platform import TINY, CrankPlatform
 
 
 @dataclass(frozen=True)
@@ -85,8 +82,8 @@ class Ruu4(CrankPlatform):
             ux, uy = k.cos(q), k.sin(q)
             rx, ry = X - l1 * ux, Y - l1 * uy
             across = k.hypot(rx, ry)
-            size = k.hypot(across, z)
-            level.append((rx / (across + _TINY), ry / (across + _TINY)))
+            size = k.hypot(across, z) + TINY
+            level.append((rx / (across + TINY), ry / (across + TINY)))
             rx, ry = rx / size, ry / size
             r = k.hypot(X, Y)
             screws.append((rx, ry, z / size, ax * ry - ay * rx))
@@ -139,7 +136,7 @@ class Ruu4(CrankPlatform):
         than the matrix does in the Frobenius norm."""
         changes = 0.0
         for rx, ry, *_ in at.screws:
-            share = turn_rad / (hypot(rx, ry) + _TINY)
+            share = turn_rad / (hypot(rx, ry) + TINY)
             if not share < 1.0:
                 return 0.0
             changes += asin(share) ** 2
@@ -154,7 +151,7 @@ class Ruu4(CrankPlatform):
         ways: list[list[Floats]] = [[] for _ in met.rods]
         room = 0.0
         for (rx, ry, *_), rod in zip(at.screws, met.rods, strict=True):
-            level = hypot(rx, ry) + _TINY
+            level = hypot(rx, ry) + TINY
             x, y = rx / level, ry / level
             columns.append((x, y))
             for way, (wx, wy, *_) in zip(ways, rod.ways, strict=True):

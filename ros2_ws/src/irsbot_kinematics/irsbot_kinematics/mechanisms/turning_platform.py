@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from irsbot_kinematics import statics
 from irsbot_kinematics.boxes import Reached, Rod, reached
-from irsbot_kinematics.guarantees import displacement_and_turn, level_after, lowered
+from irsbot_kinematics.guarantees import Errors, displacement_and_turn, least_cosine, level_after, lowered
 from irsbot_kinematics.mechanism import Floats, Guarantee, Mechanism, Posture
 
 _ROWS = {n: (n - 1) * sqrt(2.0) ** (n - 1) for n in (3, 4)}
@@ -51,7 +51,11 @@ class TurningPlatform(Mechanism):
         """What joints that move by at most `travel` ask of the rods."""
 
     @abstractmethod
-    def sine_floors(self, at: Posture, travel: Sequence[float], turn_rad: float) -> Floats:
+    def geometry_errors(self, slack_m: float) -> Errors:
+        """What a geometry that is off by slack_m (`Mechanism.guarantee`) does to a leg."""
+
+    @abstractmethod
+    def sine_floors(self, at: Posture, travel: Sequence[float], turn_rad: float, slack_m: float = 0.0) -> Floats:
         """Lower bounds of the Type 1 sines while no rod turns by more than turn_rad."""
 
     @abstractmethod
@@ -88,8 +92,10 @@ class TurningPlatform(Mechanism):
         c_i; with moments over `span` a row is no longer than sqrt(2) and changes by no more than sqrt(2) times its
         turn. All rods may turn alike, so the smallest cosine stays the smallest.
         """
+        if slack_m:
+            return self._guarantee_if_wrong(at, travel, slack_m)
         n, size = len(at.levers), abs(at.det)
-        asked = self.travel_of(at, travel, slack_m)
+        asked = self.travel_of(at, travel, 0.0)
         d, t = self.box(at, asked)
         end = d + self.radius * t
         share = (end + asked.path) / asked.rod if asked.rod > 0.0 else inf
@@ -100,17 +106,50 @@ class TurningPlatform(Mechanism):
         cosine = min(at.cos_pressure)
         type2 = lowered(cosine, seen, self._share(n, cosine, size, seen))
         type1 = self.sine_floors(at, travel, rod_turn)
-        limb = self.limb_floors(at, travel, slack_m, type1)
+        limb = self.limb_floors(at, travel, 0.0, type1)
         return Guarantee(type1, type2, self.constraint_floor(at, rod_turn), limb)
 
+    def _guarantee_if_wrong(self, at: Posture, travel: Sequence[float], slack_m: float) -> Guarantee:
+        """The same for a geometry that is off, with what every leg does to every rod: in the box, rod end i moves by at
+        most the sum of b_j times its velocity when leg j alone yields, and the platform turns accordingly."""
+        n = len(at.levers)
+        asked = self.travel_of(at, travel, slack_m)
+        d, t = self.box(at, asked)
+        if not d + t < inf:
+            return self._nothing(n)
+        det, columns = statics.cofactors(at.screws)
+        velocities = [
+            [((vx - w * ay) / det, (vy + w * ax) / det, *[vz / det for vz in up]) for ax, ay in at.arms]
+            for vx, vy, *up, w in columns
+        ]
+        turns = [abs(column[-1] / det) for column in columns]
+        bend = 0.5 * self.radius * t * t
+        most = d + self.radius * t + asked.path
+        drives = [drive + 0.5 * most * most / asked.rod + bend for drive in asked.drives]
+        t = min(t, sum(map(mul, turns, drives)))
+        angles = []
+        for i in range(n):
+            moved = sum([hypot(*velocities[j][i]) * drives[j] for j in range(n)]) + bend
+            share = (min(moved, d + self.radius * t) + asked.path) / asked.rod
+            if not share < 1.0:
+                return self._nothing(n)
+            angles.append(asin(share))
+        seen = [angle + t for angle in angles]
+        type2 = least_cosine(velocities, turns, seen, self.geometry_errors(slack_m).arm)
+        type1 = self.sine_floors(at, travel, max(angles), slack_m)
+        limb = self.limb_floors(at, travel, slack_m, type1)
+        return Guarantee(type1, type2, self.constraint_floor(at, max(angles)), limb)
+
     def guarantee_sharp(self, at: Posture, travel: Sequence[float], slack_m: float = 0.0) -> Guarantee:
-        """boxes.reached; the Type 1 sines and the constraint from what it says of the rods."""
-        met = reached(at, self.rods_of(at, travel, slack_m), self.span) if min(travel) >= 0.0 else None
+        """boxes.reached; the Type 1 sines and the constraint from what it says of the rods. Where the geometry may be
+        off, the arms of the platform are, too, and no more is known than `guarantee` says."""
+        if slack_m:
+            return self.guarantee(at, travel, slack_m)
+        met = reached(at, self.rods_of(at, travel, 0.0), self.span) if min(travel) >= 0.0 else None
         if met is None:
             return self._nothing(len(at.levers))
         type1 = self.sines_over(at, travel, met)
-        limb = self.limb_floors(at, travel, slack_m, type1)
-        return Guarantee(type1, met.type2, self.constraint_over(at, met), limb)
+        return Guarantee(type1, met.type2, self.constraint_over(at, met), self.limb_floors(at, travel, 0.0, type1))
 
     def box(self, at: Posture, asked: Travel) -> tuple[float, float]:
         """(m, rad) the platform moves and turns at most; infinite where there is no bound."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import sys
 import time
+from collections.abc import Callable
+from typing import Any
 
 from irsbot_msgs.srv import EvaluateJoints, SolveDirect, SolveInverse
 from rcl_interfaces.msg import ParameterDescriptor
@@ -26,10 +28,28 @@ class KinematicsNode(Node):
         described = ParameterDescriptor(description="preset name or YAML file of the robot", read_only=True)
         name = self.declare_parameter("robot", "irsbot2", described).value
         self._robot = load_robot(name) if name.endswith((".yaml", ".yml")) else make_robot(name)
-        self.create_service(SolveInverse, "~/inverse", self._inverse)
-        self.create_service(SolveDirect, "~/direct", self._direct)
-        self.create_service(EvaluateJoints, "~/evaluate", self._evaluate)
+        self.create_service(SolveInverse, "~/inverse", self._answered(self._inverse))
+        self.create_service(SolveDirect, "~/direct", self._answered(self._direct))
+        self.create_service(EvaluateJoints, "~/evaluate", self._answered(self._evaluate))
         self.get_logger().info(f"kinematics of {self._robot.name} ready")
+
+    def _answered(self, service: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+        """The service with an answer to every request: after an error inside, an empty one that says so."""
+
+        def answer(request: Any, response: Any) -> Any:
+            try:
+                return service(request, response)
+            except Exception as error:
+                response = type(response)()
+                response.message = self._told("an error occurred inside", error)
+                return response
+
+        return answer
+
+    def _told(self, where: str, error: Exception) -> str:
+        text = f"{where}: {type(error).__name__}: {error}"
+        self.get_logger().error(text, throttle_duration_sec=1.0)
+        return text
 
     def _inverse(self, request: SolveInverse.Request, response: SolveInverse.Response) -> SolveInverse.Response:
         answer = solve_inverse(self._robot, request.poses, tuple(request.working_mode))
@@ -51,15 +71,17 @@ class KinematicsNode(Node):
             response.message = f"joints must hold a multiple of {width} numbers, got {len(joints)}"
             return response
         rows = [joints[i : i + width] for i in range(0, len(joints), width)]
-        try:
-            states = [
-                evaluation(self._robot, row, request.assembly_mode or None, (now_ns, now_ns, seen_ns), number)
-                for number, row in enumerate(rows)
-            ]
-        except BadInput as error:
-            response.message = str(error)
-            return response
-        response.states = [state_msg(state) for state in states]
+        times, states, failed = (now_ns, now_ns, seen_ns), [], ""
+        for number, row in enumerate(rows):
+            try:
+                states.append(evaluation(self._robot, row, request.assembly_mode or None, times, number))
+            except BadInput as error:
+                response.message = str(error)
+                return response
+            except Exception as error:  # one posture silences neither the others nor the service
+                failed = self._told(f"posture {number}", error)
+                states.append(_unknown(self._robot, row, times, number, Cause.INTERNAL))
+        response.states, response.message = [state_msg(state) for state in states], failed
         return response
 
 
@@ -70,13 +92,9 @@ def evaluation(
 
     Raises BadInput for an assembly mode that the robot does not have.
     """
-    mechanism = robot.mechanism
-    rest = (0.0,) * len(joints)
-    blank = unknown_state(
-        times, robot.name, sequence, Cause.NOT_ASSEMBLED, (joints, rest), (len(mechanism.task), mechanism.limb_count)
-    )
     if not all(map(math.isfinite, joints)):
-        return blank._replace(causes=Cause.NONFINITE)
+        return _unknown(robot, joints, times, sequence, Cause.NONFINITE)
+    blank = _unknown(robot, joints, times, sequence, Cause.NOT_ASSEMBLED)
     try:
         found = robot.evaluate(joints, assembly_mode)
     except NotAssembled:
@@ -96,6 +114,13 @@ def evaluation(
         reaction_max=found.reaction_max,
         closure_residual=found.closure_residual,
     )
+
+
+def _unknown(
+    robot: Robot, joints: tuple[float, ...], times: tuple[int, int, int], sequence: int, cause: Cause
+) -> SingularityState:
+    size = len(robot.mechanism.task), robot.mechanism.limb_count
+    return unknown_state(times, robot.name, sequence, cause, (joints, (0.0,) * len(joints)), size)
 
 
 def main() -> None:

@@ -59,17 +59,18 @@ class Met(NamedTuple):
         return 2.0 * np.arcsin(np.minimum(0.5 * chords, 1.0))
 
 
-def closed(machine: Machine, shift: Array, longer: Array) -> Met:
-    """The branch that starts at the machine as it is. shift: (N, n, m) m, of the near ends; longer: (N, n) m."""
+def closed(machine: Machine, shift: Array, longer: Array, elsewhere: Array | float = 0.0) -> Met:
+    """The branch that starts at the machine as it is. shift: (N, n, m) m, of the near ends; longer: (N, n) m;
+    elsewhere: (N, n, 2) m, of the places where the rods hold the platform as it is."""
     m = machine.r.shape[1]
     pose = np.zeros((len(shift), machine.r.shape[0]))
     for share in np.linspace(0.0, 1.0, STEPS + 1)[1:]:
         for _ in range(NEWTON):
-            rods, held = _rods(machine, pose, share * shift)
+            rods, held = _rods(machine, pose, share * shift, share * elsewhere)
             sizes = np.linalg.norm(rods, axis=2)
             error = sizes - machine.length - share * longer
             pose = pose - np.linalg.solve(rows(machine, rods / sizes[..., None], held), error[..., None])[..., 0]
-    rods, held = _rods(machine, pose, shift)
+    rods, held = _rods(machine, pose, shift, elsewhere)
     sizes = np.linalg.norm(rods, axis=2)
     assert np.abs(sizes - machine.length - longer).max() < 1e-11 * machine.length.max(), "the branch is lost"
     r = rods / sizes[..., None]
@@ -95,12 +96,12 @@ def rows(machine: Machine, r: Array, held: Array) -> Array:
     return np.concatenate([r, moment[..., None]], axis=-1)
 
 
-def _rods(machine: Machine, pose: Array, shift: Array) -> tuple[Array, Array]:
+def _rods(machine: Machine, pose: Array, shift: Array, elsewhere: Array | float) -> tuple[Array, Array]:
     """Rods as vectors (N, n, m), arms as they are turned (N, n, 2)."""
     m = machine.r.shape[1]
     turn = pose[:, m] if machine.turns else np.zeros(len(pose))
     c, s = np.cos(turn)[:, None], np.sin(turn)[:, None]
-    x, y = machine.arms.T
+    x, y = np.moveaxis(machine.arms + elsewhere, -1, 0)
     held = np.stack([c * x - s * y, s * x + c * y], axis=2)
     rods = machine.length[:, None] * machine.r + pose[:, None, :m] - shift
     rods[..., :2] += held - machine.arms

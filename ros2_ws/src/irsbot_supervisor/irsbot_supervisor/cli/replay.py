@@ -58,6 +58,7 @@ def replay(
                 "robot": judged.robot,
                 "chapters": _rows(recording, judged),
                 "measures": measures,
+                "errors": judged.errors,
                 "checks": [c._asdict() for c in checks],
             }
         )
@@ -131,6 +132,10 @@ def _print(recording: Recording, judged: Judged, checks: list[Check], measures: 
     if judged.missing:
         counts += f", {judged.missing} that it saw are not in the bag"
     out.print(counts)
+    if judged.errors:
+        out.print(
+            f"{len(judged.errors)} error(s) inside, each judged UNKNOWN; the first: {judged.errors[0]}", markup=False
+        )
     out.print(", ".join(f"{name} {value:.4g}" for name, value in measures.items() if value == value))
     for check in checks:
         out.print(f"{check.name}: {'same' if not check.faults else f'{len(check.faults)} difference(s)'}")

@@ -140,11 +140,13 @@ class Supervisor:
             return None
         return View(self._at, good.velocity, good.speeds, good.ahead_s, good.expected_s, self._latch.now, good.seen_ns)
 
-    def fail(self, seen_ns: int, text: str) -> Verdict:
-        """The verdict after an error inside: UNKNOWN, whatever the samples said, until one is judged without error."""
+    def fail(self, seen_ns: int, error: Exception) -> Step:
+        """What an error inside means, of `step` too: UNKNOWN, whatever the samples said, until one is judged without
+        error."""
+        text = f"{type(error).__name__}: {error}"
         self._found = [Finding(Cause.INTERNAL, Level.UNKNOWN, nan, nan, "", text)]
         self._hold(seen_ns)
-        return self._verdict(seen_ns)
+        return Step(None, self._verdict(seen_ns), "", tuple(self._latch.turns))
 
     def _pass_time(self, seen_ns: int) -> bool:
         """Silence since the last good sample, noticed now but dated to when it began to count. What the last sample

@@ -229,8 +229,9 @@ class SupervisorNode(LifecycleNode):
         if not self._active:
             return  # what it wanted to publish with is gone
         self.get_logger().error(f"{type(error).__name__}: {error}", throttle_duration_sec=1.0)
-        verdict = self._supervisor.fail(time.monotonic_ns(), f"{type(error).__name__}: {error}")
-        self._verdicts.publish(encode_verdict(verdict))
+        step = self._supervisor.fail(time.monotonic_ns(), error)
+        if step.verdict is not None:
+            self._verdicts.publish(encode_verdict(step.verdict))
 
     # --- parameters --------------------------------------------------------------------------------------------
 

@@ -9,7 +9,6 @@ import irsbot_supervisor.settings_file
 from irsbot_kinematics import Robot, make_robot
 from irsbot_kinematics.mechanism import Posture
 from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2
-from irsbot_supervisor.nodes.supervisor import main
 
 FAILS_ABOVE = 2.95
 """rad: where the fake fails, of the first joint."""
@@ -30,5 +29,7 @@ def fake_robot_of(name: str) -> Robot:
 
 
 if __name__ == "__main__":
+    from irsbot_supervisor.nodes.supervisor import main  # needs ROS 2, the fake does not
+
     irsbot_supervisor.settings_file.robot_of = fake_robot_of
     sys.exit(main())

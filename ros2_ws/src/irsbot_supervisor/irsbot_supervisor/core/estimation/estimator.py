@@ -92,7 +92,7 @@ class Estimator:
         moved = self._jumps.moved(sample.position, before.position)
         errors = self._reach.errors
         joints = zip(moved, ahead, back, errors, strict=True)
-        return all([-down - 2.0 * e <= way <= up + 2.0 * e for way, up, down, e in joints])
+        return all(-down - 2.0 * e <= way <= up + 2.0 * e for way, up, down, e in joints)
 
     def _expected(self, sample: Accepted, passed_s: float, stamped_s: float) -> float:
         """s until the next sample has come and been judged."""
@@ -176,7 +176,7 @@ class Estimator:
         if self._rest:
             moved = self._jumps.moved(sample.position, self._rest)
             most = self._slow * elapsed + self._step
-            if all([-most <= way <= most for way in moved]):
+            if all(-most <= way <= most for way in moved):
                 return elapsed
         self._rest, self._rest_ns = sample.position, sample.seen_ns
         return 0.0

@@ -62,7 +62,7 @@ class Frozen:
     def look(self, sample: Accepted, moved: Floats, dt: float) -> Suspicion:
         """What is to be thought of a sample whose positions `moved` (rad or m) in `dt` s since the last."""
         said = sample.velocity
-        if not said or (not self._still and all([abs(step) > self._step for step in moved])):
+        if not said or (not self._still and all(abs(step) > self._step for step in moved)):
             return Suspicion()
         lost, fault, speeds = "", "", [0.0] * len(moved)
         for k, (step, rate, fastest) in enumerate(zip(moved, said, self._fastest, strict=True)):
