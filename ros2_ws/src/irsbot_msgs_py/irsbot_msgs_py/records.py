@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from enum import IntEnum, IntFlag
 from math import nan
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 Floats = tuple[float, ...]
 Signs = tuple[int, ...]
@@ -189,12 +189,3 @@ class Reset(NamedTuple):
     event: int
     text: str
     seed_pose: Floats = ()  # where the platform is, roughly, m and rad; empty: not said
-
-
-class Configure(NamedTuple):
-    """New settings are in force from now on."""
-
-    received_ns: int
-    seen_ns: int
-    values: dict[str, Any]  # of `Settings`, by name
-    machine: dict[str, Any]  # what robot they are for, complete

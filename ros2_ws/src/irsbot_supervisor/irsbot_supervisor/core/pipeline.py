@@ -14,7 +14,6 @@ from irsbot_kinematics.requests import solve_direct, tells_apart
 from irsbot_kinematics.tolerances import SAME_POSE_TOL
 from irsbot_msgs_py.records import (
     Cause,
-    Configure,
     Finding,
     Floats,
     JointSample,
@@ -33,7 +32,16 @@ from irsbot_supervisor.core.latch import Judgement, Latch
 from irsbot_supervisor.core.outlook import Foresight
 from irsbot_supervisor.core.policy import KINDS, Policy
 from irsbot_supervisor.core.report import Reporter
-from irsbot_supervisor.core.settings import InvalidSettings, Settings, settings_from
+from irsbot_supervisor.core.settings import InvalidSettings, Settings
+
+
+class Configure(NamedTuple):
+    """Settings come into force. They are checked where they enter (`settings_from`), and not again."""
+
+    received_ns: int
+    seen_ns: int
+    settings: Settings
+
 
 Event = JointSample | Tick | Reset | Configure
 
@@ -71,7 +79,7 @@ class Supervisor:
         """Rejected samples by reason."""
 
     def step(self, event: Event) -> Step:
-        """What an event means. Never raises for values; InvalidSettings for a Configure that cannot be used."""
+        """What an event means. Never raises for values; InvalidSettings for a change of what is read only."""
         latch = self._latch
         latch.turns = []
         state, refusal = None, ""
@@ -100,9 +108,9 @@ class Supervisor:
     def _configure(self, change: Configure) -> None:
         """New settings, whole and checked. What is known of the robot, and a latched stop, stay as they are.
 
-        Raises InvalidSettings, also for a change of what is read only.
+        Raises InvalidSettings for a change of what is read only.
         """
-        settings = settings_from(change.values, self.robot)
+        settings = change.settings
         for entry in fields(Settings):
             now, then = getattr(self.settings, entry.name), getattr(settings, entry.name)
             if entry.metadata.get("read_only") and now != then:

@@ -30,5 +30,7 @@ def fake_robot_of(name: str) -> Robot:
 
 
 if __name__ == "__main__":
-    irsbot_supervisor.settings_file.robot_of = fake_robot_of
+    from fake_failing_mechanism import fake_robot_of as importable  # by its worker process, too
+
+    irsbot_supervisor.settings_file.robot_of = importable
     sys.exit(main())
