@@ -273,7 +273,7 @@ def _served_later(request: Any, response: Any) -> Any:
 
 def main() -> None:
     """Entry point of `ros2 run irsbot_supervisor supervisor_node`."""
-    sys.exit(run(SupervisorNode, usage_errors=(InvalidSettings, KinematicsError)))
+    sys.exit(run(SupervisorNode, usage_errors=(InvalidSettings, KinematicsError), log="supervisor"))
 
 
 if __name__ == "__main__":
