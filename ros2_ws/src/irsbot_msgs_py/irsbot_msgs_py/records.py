@@ -179,6 +179,8 @@ class Verdict(NamedTuple):
     since_ns: int
     speed_scale: float
     findings: tuple[Finding, ...]
+    bypassed: Cause = Cause.NONE
+    bypass_left: float = 0.0
 
 
 class Reset(NamedTuple):
@@ -189,3 +191,15 @@ class Reset(NamedTuple):
     event: int
     text: str
     seed_pose: Floats = ()  # where the platform is, roughly, m and rad; empty: not said
+
+
+class Bypass(NamedTuple):
+    """An operator wants to let motion pass one cause of the stop number `event` for a while."""
+
+    received_ns: int
+    seen_ns: int
+    event: int
+    cause: int  # one Cause bit
+    duration_s: float
+    operator: str
+    reason: str

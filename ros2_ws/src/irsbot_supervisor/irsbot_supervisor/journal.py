@@ -1,4 +1,5 @@
-"""Inputs of the supervisor other than samples, as lines of JSON: settings and resets. They make a bag replayable."""
+"""Inputs of the supervisor other than samples, as lines of JSON: settings, resets and bypasses. They make a bag
+replayable."""
 
 from __future__ import annotations
 
@@ -8,7 +9,7 @@ from typing import Any, NamedTuple
 
 from irsbot_kinematics import Robot
 from irsbot_kinematics.robot_record import robot_record
-from irsbot_msgs_py.records import Reset
+from irsbot_msgs_py.records import Bypass, Reset
 from irsbot_supervisor.core.settings import Settings
 
 
@@ -25,9 +26,9 @@ class Configuration(NamedTuple):
     machine: dict[str, Any]  # what robot they are for, complete
 
 
-Entry = Configuration | Reset
+Entry = Configuration | Reset | Bypass
 
-KINDS: dict[type[Entry], str] = {Configuration: "configure", Reset: "reset"}
+KINDS: dict[type[Entry], str] = {Configuration: "configure", Reset: "reset", Bypass: "bypass"}
 """What kind of entry a line says it is."""
 
 
@@ -50,6 +51,10 @@ def read_entry(line: str) -> Entry:
             return Configuration(**said)
         if kind == "reset":
             return Reset(**{**said, "seed_pose": tuple(said["seed_pose"])})
+        if kind == "bypass":
+            received_ns, seen_ns, event, cause = (int(said[k]) for k in ("received_ns", "seen_ns", "event", "cause"))
+            words = str(said["operator"]), str(said["reason"])
+            return Bypass(received_ns, seen_ns, event, cause, float(said["duration_s"]), *words)
         raise JournalError(f"not a journal entry: kind '{kind}'")
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise JournalError(f"not a journal entry: {line[:80]!r} ({error})") from None

@@ -1,6 +1,7 @@
 """The supervisor: events in, states and verdicts out. Time is in the events; nothing here asks a clock.
 
-A sample, a tick of a timer, an operator's reset and new settings enter by the same door, so that all of it replays.
+A sample, a tick of a timer, an operator's reset or bypass and new settings enter by the same door, so that all of it
+replays.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from irsbot_kinematics import Posture, Robot
 from irsbot_kinematics.requests import solve_direct, tells_apart
 from irsbot_kinematics.tolerances import SAME_POSE_TOL
 from irsbot_msgs_py.records import (
+    Bypass,
     Cause,
     Finding,
     Floats,
@@ -43,7 +45,7 @@ class Configure(NamedTuple):
     settings: Settings
 
 
-Event = JointSample | Tick | Reset | Configure
+Event = JointSample | Tick | Reset | Bypass | Configure
 
 
 class Step(NamedTuple):
@@ -51,7 +53,7 @@ class Step(NamedTuple):
 
     state: SingularityState | None
     verdict: Verdict | None  # due now: a transition, or the heartbeat
-    refusal: str = ""  # why a reset was refused
+    refusal: str = ""  # why a reset or a bypass was refused
     turns: tuple[Judgement, ...] = ()  # every judgement that came into force, in order
 
 
@@ -92,6 +94,8 @@ class Supervisor:
             changed = True
         elif isinstance(event, Reset):
             refusal = self._reset(event)
+        elif isinstance(event, Bypass):
+            refusal = self._bypass(event)
         verdict = self._speak(event.seen_ns, changed or bool(latch.turns))
         return Step(state, verdict, refusal, tuple(latch.turns))
 
@@ -145,6 +149,9 @@ class Supervisor:
         """Silence since the last good sample, noticed now but dated to when it began to count. What the last sample
         showed holds until another shows otherwise."""
         good, latch = self._good, self._latch
+        end_ns = latch.bypassed_until_ns
+        if end_ns is not None and end_ns <= seen_ns and good is not None and end_ns <= good.seen_ns + self._stale_ns:
+            latch.update(self._found, end_ns)  # or silence has ended it before
         latch.keep(self._found, seen_ns)
         if good is None:
             text = "no usable sample has arrived"
@@ -158,8 +165,8 @@ class Supervisor:
             self._silence = [Finding(Cause.STALE, Level.UNKNOWN, (seen_ns - good.seen_ns) / S, limit, "s", text)]
             if not self._stale:
                 self._stale = True
-                latch.update(self._silence, limit_ns)
-        latch.keep(self._silence, seen_ns)
+                latch.update([*self._found, *self._silence], limit_ns)
+        latch.keep([*self._found, *self._silence], seen_ns)
         return self._hold(seen_ns)
 
     def _learn(self, now_ns: int) -> None:
@@ -195,6 +202,8 @@ class Supervisor:
             self._begun_ns = sample.seen_ns
             self._learn(sample.seen_ns)
         self._good, self._at, self._stale, self._silence = estimate, at, False, []
+        if self._latch.now.bypassed and not self._is_slow(estimate.velocity):
+            self._latch.end_bypass()  # it was given for slow motion
         floor = self._foresee(assessment, estimate)
         reaction = self._reporter.reaction(estimate, assessment)
         found = self._found = self._policy.judge(estimate, assessment, floor, reaction, self._latch.now.causes)
@@ -235,6 +244,11 @@ class Supervisor:
             self._assessor.confirm(seen)
             self._found, self._at = active, assessment.at
         return refusal
+
+    def _bypass(self, wish: Bypass) -> str:
+        if self._good is None or self._stale:
+            return "no good sample to judge by"
+        return self._latch.bypass(wish, self.standing, self._found)
 
     def _seen(self, joints: Floats, seed_pose: Floats) -> tuple[Posture | None, str]:
         """The posture in which an operator sees the platform, where that tells more than the settings, and why it
@@ -284,7 +298,7 @@ class Supervisor:
     def _verdict(self, seen_ns: int) -> Verdict:
         self._verdicts += 1
         self._spoken_ns = seen_ns
-        now = self._latch.now
+        now, end_ns = self._latch.now, self._latch.bypassed_until_ns
         return Verdict(
             self._good.stamp_ns if self._good else 0,
             now.level,
@@ -298,16 +312,22 @@ class Supervisor:
             now.since_ns,
             self._recovery_scale() if now.level == Level.STOP else now.speed_scale,
             now.findings,
+            Cause(now.bypassed),
+            max(end_ns - seen_ns, 0) / S if end_ns is not None else 0.0,
         )
 
     def _recovery_scale(self) -> float:
         """After a STOP: 0 until the robot has become slow, then what the command gate may use to move it away."""
-        good, settings = self._good, self.settings
-        share, slow = settings.recovery_share, settings.standstill_speed
+        good = self._good
         if good is None or self._stale:
             return 0.0
-        pairs = zip(good.velocity, settings.velocity_limit, strict=True)
-        return share if all(abs(rate) <= share * most + slow for rate, most in pairs) else 0.0
+        return self.settings.recovery_share if self._is_slow(good.velocity) else 0.0
+
+    def _is_slow(self, velocity: Floats) -> bool:
+        """Whether no joint is faster than it may be while it is moved away from a stop, or beyond one."""
+        share, slow = self.settings.recovery_share, self.settings.standstill_speed
+        pairs = zip(velocity, self.settings.velocity_limit, strict=True)
+        return all(abs(rate) <= share * most + slow for rate, most in pairs)
 
 
 def _causes(findings: list[Finding]) -> int:

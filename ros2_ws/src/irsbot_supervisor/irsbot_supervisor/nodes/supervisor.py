@@ -9,7 +9,7 @@ from typing import Any
 
 from irsbot_msgs.msg import SingularityState
 from irsbot_msgs.msg import Verdict as VerdictMsg
-from irsbot_msgs.srv import CheckTrajectory, ResetStop
+from irsbot_msgs.srv import BypassStop, CheckTrajectory, ResetStop
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -20,7 +20,7 @@ from std_msgs.msg import String
 
 from irsbot_kinematics import KinematicsError
 from irsbot_msgs_py.cdr import encode_state, encode_verdict
-from irsbot_msgs_py.records import Reset, Tick, Verdict
+from irsbot_msgs_py.records import Bypass, Reset, Tick, Verdict
 from irsbot_msgs_py.shell import run
 from irsbot_supervisor.core.motion import BadTrajectory
 from irsbot_supervisor.core.pipeline import Configure, Event, Step, Supervisor
@@ -88,6 +88,7 @@ class SupervisorNode(LifecycleNode):
         self._markers = MarkersPublisher(self, self._robot, self._supervisor, self._frame, self._fail)
         self._gate = CommandGate(self, settings, self._robot, self._supervisor, self._fail)
         self.create_service(ResetStop, "~/reset", self._on_reset, qos_profile=REQUESTS)
+        self.create_service(BypassStop, "~/bypass", self._on_bypass, qos_profile=REQUESTS)
         check = self.create_service(CheckTrajectory, "~/check_trajectory", _served_later, qos_profile=REQUESTS)
         self._later.serve(check, self._on_check)
         if autostart:
@@ -176,16 +177,30 @@ class SupervisorNode(LifecycleNode):
             response.message = INACTIVE
             return response
         reset = Reset(*self._now(), request.event, request.operator_text, tuple(request.seed_pose))
-        self._note(reset)
-        step = self._step(reset)
-        response.accepted = step is not None and not step.refusal
-        response.message = step.refusal if step is not None else "an error occurred inside the supervisor"
-        if response.accepted:
-            self.get_logger().info(f"reset of event {request.event}: accepted")
-        else:
-            text = f"reset of event {request.event}: {response.message}"
-            self.get_logger().info(text, throttle_duration_sec=1.0)  # whoever asks without end gets answers, not lines
+        response.accepted, response.message = self._wish(reset, f"reset of event {request.event}")
         return response
+
+    def _on_bypass(self, request: BypassStop.Request, response: BypassStop.Response) -> BypassStop.Response:
+        if not self._active:
+            response.message = INACTIVE
+            return response
+        given = request.event, request.cause, request.duration_s, request.operator_name, request.reason
+        what = f"bypass of cause {request.cause} of event {request.event} for {request.duration_s:g} s"
+        what += f" by {request.operator_name!r}, {request.reason!r}"
+        response.accepted, response.message = self._wish(Bypass(*self._now(), *given), what)
+        return response
+
+    def _wish(self, wish: Reset | Bypass, what: str) -> tuple[bool, str]:
+        """What an operator wants, noted before it is judged: whether it was accepted, and why not."""
+        self._note(wish)
+        step = self._step(wish)
+        accepted = step is not None and not step.refusal
+        message = step.refusal if step is not None else "an error occurred inside the supervisor"
+        if accepted:
+            self.get_logger().info(f"{what}: accepted")
+        else:  # whoever asks without end gets answers, not lines
+            self.get_logger().info(f"{what}: {message}", throttle_duration_sec=1.0)
+        return accepted, message
 
     def _on_check(self, request: CheckTrajectory.Request, response: CheckTrajectory.Response) -> Steps:
         """Only while the robot stands: a moving one has left where the motion begins when the answer comes."""
