@@ -102,12 +102,8 @@ class Latch:
         """End the stop number `event`. Returns an empty text, or why not. active: what is found as soon as the branch
         is confirmed. A branch that is confirmed while the cause of a stop is active is known from then on, and a new
         event is the stop: there is a way out of it, `escape`."""
-        if not self._stopped_by:
-            return "nothing to reset: no stop is latched"
-        if event != self.now.event:
-            return f"event {event} is not the stop in force, which is {self.now.event}"
-        if not standing:
-            return "the robot is not standing still"
+        if refusal := self.refused(event, standing):
+            return refusal
         if unknown := self._unknown(active, at_ns):
             return unknown
         stops = tuple(finding for finding in active if finding.level == Level.STOP)
@@ -119,6 +115,14 @@ class Latch:
             self.now = self.now._replace(event=self.now.event + 1)
         self._set(at_ns)
         return f"the branch is confirmed, but the cause of a stop is still there: {stops[0].text}" if stops else ""
+
+    def refused(self, event: int, standing: bool) -> str:
+        """Why a reset is refused, whatever is found; empty if that has to be looked at."""
+        if not self._stopped_by:
+            return "nothing to reset: no stop is latched"
+        if event != self.now.event:
+            return f"event {event} is not the stop in force, which is {self.now.event}"
+        return "" if standing else "the robot is not standing still"
 
     def bypass(self, wish: Bypass, standing: bool, active: list[Finding]) -> str:
         """Let motion pass one cause of the stop `wish.event` for a while. Returns an empty text, or why not. active:

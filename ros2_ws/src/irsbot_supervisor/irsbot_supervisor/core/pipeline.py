@@ -227,6 +227,8 @@ class Supervisor:
             return "no good sample to judge by"
         if unknown := [f for f in self._found if f.level == Level.UNKNOWN and not f.cause & Cause.BRANCH]:
             return f"the state of the robot is not known: {unknown[0].text}"
+        if refusal := self._latch.refused(reset.event, self.standing):
+            return refusal  # at once: whoever asks in vain, and often, must not take the time that samples need
         seen: Posture | None = None
         if reset.seed_pose:
             seen, doubt = self._seen(good.position, reset.seed_pose)
