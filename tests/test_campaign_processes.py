@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
-from irsbot_supervisor.campaign import floods, operators, outages, soak
+from irsbot_supervisor.campaign import floods, operators, outages, silence, soak
 from irsbot_supervisor.campaign.rows import Job, Row
 
 pytestmark = [
@@ -55,6 +55,13 @@ def test_nodes_may_freeze_and_die(monkeypatch: pytest.MonkeyPatch):
     row = outages.run(short(4))
     assert met(row)
     assert row.figures[outages.STAND_S] > 0.05  # the robot moved on for a while: the test bites
+
+
+def test_verdicts_go_on_whatever_else_a_supervisor_is_asked_and_wherever_it_prints(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(silence, "ROBOTS", silence.ROBOTS[:1])
+    row = silence.run(short(len(silence.CAUSES)))
+    assert met(row)
+    assert row.amount == len(silence.CAUSES)
 
 
 def test_the_suite_at_work_holds_no_more_memory_and_descriptors_at_the_end():

@@ -31,13 +31,15 @@ STATE: Kinds = (
     *("d*", "d", "d", "d", "d*", "d*", "d*", "d", "I", "d", "d", "?", "d", "d", "d"),
 )
 FINDING: Kinds = ("I", "B", "d", "d", "s", "s")
-VERDICT: Kinds = ("header", "B", "I", "?", "I", "d*", "s", "Q", "s", "q", "d", FINDING)
+VERDICT: Kinds = ("header", "B", "I", "?", "I", "d*", "s", "Q", "s", "q", "d", FINDING, "I", "d")
 
 _SIZE = {"?": 1, "b": 1, "B": 1, "s": 1, "i": 4, "I": 4, "d": 8, "q": 8, "Q": 8}
 _NUMBERS = frozenset("?bBiIdqQ")
 _SEQUENCES = {"d*": "d", "b*": "b"}
 _ENCAPSULATION = b"\x00\x01\x00\x00"  # little-endian XCDR1
 _ORIGIN = len(_ENCAPSULATION)  # alignment counts from here
+_SMALLEST = 4  # bytes: fewer behind the end of an earlier version are padding, as many are its successor's next field
+_NEVER = 2**63  # no message is that long
 _MAX_PACKERS = 64  # a stream needs one or two: texts and sequences change their length rarely
 
 
@@ -68,7 +70,10 @@ class _Format:
 class _Layout:
     """Where all fields lie in the messages that share lengths and texts with the one it was learned from."""
 
-    def __init__(self, walk: _Walk) -> None:
+    def __init__(self, walk: _Walk, absent: tuple[Any, ...]) -> None:
+        """absent: values of the last fields, for a message of an earlier version, which ends before them."""
+        self._absent = absent if walk.ends_early else ()
+        self._end = walk.format.end if walk.ends_early else _NEVER
         self._unpack_from = walk.format.compile().unpack_from
         self._shared = itemgetter(*walk.shared)
         self._expected = self._shared(walk.flat)
@@ -81,16 +86,17 @@ class _Layout:
             flat = self._unpack_from(data)
         except error:
             return None
-        if self._shared(flat) != self._expected:
+        if self._shared(flat) != self._expected or len(data) >= self._end + _SMALLEST:
             return None
         fields: tuple[Any, ...] = self._fields(flat + self._texts)
-        return fields
+        return fields + self._absent
 
 
 class _Walk:
     """Reads one message slowly and suspiciously and notes the layout on the way."""
 
-    def __init__(self, data: Bytes, kinds: Kinds) -> None:
+    def __init__(self, data: Bytes, kinds: Kinds, added: int = 0) -> None:
+        """added: number of kinds at the end that messages of an earlier version do not have."""
         self.data = data
         self.format = _Format()
         self.flat: list[Any] = [bytes(data[:_ORIGIN])]
@@ -99,7 +105,10 @@ class _Walk:
         self.slots: list[int | slice] = []  # of each field in flat; text n has slot -1 - n
         if self.flat[0] != _ENCAPSULATION:
             raise CdrError(f"encapsulation {self.flat[0].hex(' ')}: expected 00 01 00 00, little-endian XCDR1")
-        self._fields(kinds)
+        self._fields(kinds[: len(kinds) - added])
+        self.ends_early = added > 0 and len(data) < self.format.end + _SMALLEST
+        if not self.ends_early:
+            self._fields(kinds[len(kinds) - added :])
 
     def _fields(self, kinds: Kinds) -> None:
         for kind in kinds:
@@ -150,8 +159,9 @@ class _Walk:
 class _Codec:
     """One message type: fields out of bytes, and bytes out of fields, by the layouts learned so far."""
 
-    def __init__(self, kinds: Kinds) -> None:
-        self._kinds = kinds
+    def __init__(self, kinds: Kinds, absent: tuple[Any, ...] = ()) -> None:
+        """absent: what the last fields are in messages of an earlier version, which end before them."""
+        self._kinds, self._absent = kinds, absent
         self._layout: _Layout | None = None
         self._packers: dict[tuple[int, ...], Struct] = {}
 
@@ -160,7 +170,7 @@ class _Codec:
         layout = self._layout
         fields = layout.read(data) if layout is not None else None
         if fields is None:
-            self._layout = layout = _Layout(_Walk(data, self._kinds))
+            self._layout = layout = _Layout(_Walk(data, self._kinds, len(self._absent)), self._absent)
             fields = layout.read(data)
             assert fields is not None, "a layout reads the message it was learned from"
         return fields
@@ -237,12 +247,13 @@ def _grow(form: _Format, kinds: Kinds, lengths: Iterator[int]) -> None:
 
 _joint_state = _Codec(JOINT_STATE)
 _state = _Codec(STATE)
-_verdict = _Codec(VERDICT)
+_VERDICT_ADDED = (0, 0.0)  # bypassed, bypass_left: bags of earlier versions do not have them
+_verdict = _Codec(VERDICT, _VERDICT_ADDED)
 
 _STATE_LEVEL = SingularityState._fields.index("level")
 _STATE_CAUSES = SingularityState._fields.index("causes")
 _STATE_STOP_CAUSE = SingularityState._fields.index("stop_cause")
-_VERDICT_FIXED = len(VERDICT) - 1  # fields of the record before the findings
+_VERDICT_FIXED = Verdict._fields.index("findings")  # fields of the record before the findings
 
 _cause = lru_cache(maxsize=4096)(Cause)  # making a member takes as long as reading a whole message
 
@@ -285,12 +296,14 @@ def decode_verdict(data: Bytes) -> Verdict:
     """An irsbot_msgs/Verdict."""
     sec, nanosec, level, causes, *rest = _verdict.decode(data)
     behind = _VERDICT_FIXED - 3
-    fixed, flat = rest[:behind], rest[behind:]
+    fixed, flat, (bypassed, left) = rest[:behind], rest[behind:-2], rest[-2:]
     findings = tuple(
         Finding(_cause(flat[k]), _level(flat[k + 1]), *flat[k + 2 : k + len(FINDING)])
         for k in range(0, len(flat), len(FINDING))
     )
-    return Verdict._make((nanoseconds(sec, nanosec), _level(level), _cause(causes), *fixed, findings))
+    return Verdict._make(
+        (nanoseconds(sec, nanosec), _level(level), _cause(causes), *fixed, findings, _cause(bypassed), left)
+    )
 
 
 def encode_verdict(verdict: Verdict) -> bytes:

@@ -95,6 +95,8 @@ def verdict_record(message: ros.Verdict) -> Verdict:
         since_ns=message.since_ns,
         speed_scale=message.speed_scale,
         findings=tuple(map(finding_record, message.findings)),
+        bypassed=Cause(message.bypassed),
+        bypass_left=message.bypass_left,
     )
 
 
@@ -113,6 +115,8 @@ def verdict_msg(record: Verdict) -> ros.Verdict:
         since_ns=record.since_ns,
         speed_scale=record.speed_scale,
         findings=list(map(finding_msg, record.findings)),
+        bypassed=int(record.bypassed),
+        bypass_left=record.bypass_left,
     )
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from enum import IntEnum, IntFlag
 from math import nan
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 Floats = tuple[float, ...]
 Signs = tuple[int, ...]
@@ -179,6 +179,8 @@ class Verdict(NamedTuple):
     since_ns: int
     speed_scale: float
     findings: tuple[Finding, ...]
+    bypassed: Cause = Cause.NONE
+    bypass_left: float = 0.0
 
 
 class Reset(NamedTuple):
@@ -191,10 +193,13 @@ class Reset(NamedTuple):
     seed_pose: Floats = ()  # where the platform is, roughly, m and rad; empty: not said
 
 
-class Configure(NamedTuple):
-    """New settings are in force from now on."""
+class Bypass(NamedTuple):
+    """An operator wants to let motion pass one cause of the stop number `event` for a while."""
 
     received_ns: int
     seen_ns: int
-    values: dict[str, Any]  # of `Settings`, by name
-    machine: dict[str, Any]  # what robot they are for, complete
+    event: int
+    cause: int  # one Cause bit
+    duration_s: float
+    operator: str
+    reason: str

@@ -10,9 +10,11 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
 from typing import Any
 
+from irsbot_msgs_py.aside import NO_FILE, log_aside
 from irsbot_msgs_py.deadline import exit_within
 from irsbot_msgs_py.transport import choose_transport
 
@@ -36,13 +38,25 @@ def run(
     make_node: Callable[[], Any],
     argv: Sequence[str] | None = None,
     usage_errors: tuple[type[Exception], ...] = (),
+    log: str = "",
 ) -> int:
     """Run one node until SIGINT, SIGTERM or its own wish; returns the exit code of the process, which has to end then:
     after GOODBYE_S at the latest it does.
 
     make_node: creates the node, after rclpy is up. argv: the process's own by default.
     usage_errors: what make_node raises for mistakes of the caller; like UsageError they become one sentence.
+    log: name of a log file that is written aside (`log_aside`), for a node that no disk and no terminal may delay.
     """
+    with ExitStack() as stack:
+        if log:
+            from rclpy.logging import get_logging_directory
+
+            stack.enter_context(log_aside(Path(get_logging_directory()), log, os.environ))
+            argv = [*(sys.argv if argv is None else argv), "--ros-args", NO_FILE]
+        return _run(make_node, argv, usage_errors)
+
+
+def _run(make_node: Callable[[], Any], argv: Sequence[str] | None, usage_errors: tuple[type[Exception], ...]) -> int:
     import rclpy
     from rclpy.exceptions import NameValidationException, ParameterException
     from rclpy.signals import SignalHandlerOptions

@@ -20,7 +20,10 @@ STATE = SingularityState(
     *(Cause.TYPE2, 0.2, inf, True, 1e-9, 0.001, 1e-5),
 )
 FINDING = Finding(Cause.TYPE1, Level.STOP, 0.01, 0.05, "1", "leg 1 is nearly straight: 0.01 < 0.05")
-VERDICT = Verdict(3, Level.STOP, Cause.TYPE1, True, 4, (0.6, -0.8), "stop", 99, "ab" * 32, -5, 0.0, (FINDING, FINDING))
+VERDICT = Verdict(
+    *(3, Level.STOP, Cause.TYPE1, True, 4, (0.6, -0.8), "stop", 99, "ab" * 32, -5, 0.0, (FINDING, FINDING)),
+    *(Cause.LIMB, 7.5),
+)
 
 
 def by_hand(sample: JointSample, padding: bytes) -> bytes:
@@ -85,13 +88,30 @@ DECODERS = {
 }
 
 
+EARLIER = DECODERS["verdict"][0].rindex(FINDING.text.encode()) + len(FINDING.text.encode()) + 1
+"""Bytes of the verdict without its last two fields: it ends with the zero behind the text of the last finding."""
+
+
 @pytest.mark.parametrize("name", DECODERS)
 def test_a_message_cut_anywhere_is_refused(name: str):
     whole, decode = DECODERS[name]
     decode(whole)  # the layout of the whole is known
     for size in range(len(whole)):
+        if name == "verdict" and EARLIER <= size < EARLIER + 4:  # whole for an earlier version, and padded
+            assert decode(whole[:size]) == VERDICT._replace(bypassed=Cause.NONE, bypass_left=0.0)
+            continue
         with pytest.raises(cdr.CdrError):
             decode(whole[:size])
+
+
+def test_verdicts_of_earlier_versions_and_ours_may_alternate():
+    """What they have in common is laid out in the same way: the end alone tells them apart."""
+    ours = cdr.encode_verdict(VERDICT)
+    earlier = ours[:EARLIER]
+    for data, bypassed, left in 2 * [(ours, Cause.LIMB, 7.5), (earlier, 0, 0.0), (earlier + b"\1\2\3", 0, 0.0)]:
+        read = cdr.decode_verdict(data)
+        assert (read.bypassed, read.bypass_left) == (bypassed, left)
+        assert read[:12] == VERDICT[:12]
 
 
 @pytest.mark.parametrize("name", DECODERS)

@@ -46,6 +46,8 @@ class Shown(LifecycleNode):
         print("tick", self.ticks, flush=True)
         if WISH == "fail" and self.ticks < 3:
             raise RuntimeError("a callback failed")
+        if WISH == "talk":
+            self.get_logger().info(10_000 * "x")
         if WISH in ("leave", "leave and be stuck"):
             self.exit_code = 7
     def close(self):
@@ -56,7 +58,7 @@ class Shown(LifecycleNode):
         super().destroy_node()
 
 WISH = sys.argv[1]
-sys.exit(run(Shown))
+sys.exit(run(Shown, log="shown" if WISH == "talk" else ""))
 """
 
 
@@ -122,6 +124,20 @@ def test_an_error_in_a_callback_is_reported_and_survived():
         _, err = process.communicate(timeout=120)
         assert process.returncode == 0
         assert "RuntimeError: a callback failed" in err
+
+
+def test_a_log_that_nobody_reads_delays_no_callback_and_is_in_the_file(tmp_path: Path):
+    ticks = 200  # 2 MB, more than all pipes hold
+    with shown("talk", ROS_LOG_DIR=str(tmp_path)) as process:
+        assert process.stdout is not None
+        assert f"tick {ticks}\n" in (process.stdout.readline() for _ in range(ticks))
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=120)
+        assert process.returncode == 0
+        assert 10_000 * "x" in err
+    (file,) = tmp_path.glob("*.log")
+    assert file.name.startswith(f"shown_{process.pid}_")
+    assert "[shown]: xxx" in file.read_text()
 
 
 @pytest.mark.parametrize(

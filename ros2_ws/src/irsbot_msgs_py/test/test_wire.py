@@ -41,6 +41,7 @@ findings = st.builds(Finding, cause, level, real, real, text, text)
 verdicts = st.builds(
     *(Verdict, stamp, level, cause, st.booleans(), uint32, reals, text, uint64, text, int64, real),
     st.lists(findings, max_size=3).map(tuple),
+    *(cause, real),
 )
 states = st.builds(
     *(SingularityState, stamp, text, uint64, int64, int64, level, cause, reals, reals, reals, reals),

@@ -58,9 +58,11 @@ class StopWatch:
     def __init__(self) -> None:
         self._level: Level | None = None
         self._event = 0
+        self._bypassed = False
 
     def is_new_stop(self, verdict: bytes) -> bool:
-        """Whether this verdict begins a stop. One that cannot be read counts: what led to it is of interest.
+        """Whether this verdict begins a stop, or the bypass of one. One that cannot be read counts: what led to it is
+        of interest.
 
         A supervisor begins at UNKNOWN; that first verdict is no stop of a robot that was moving.
         """
@@ -70,5 +72,6 @@ class StopWatch:
             return True
         rose = self._level is not None and self._level < Level.STOP <= now.level
         new = rose or (now.level >= Level.STOP and now.event > self._event)
-        self._level, self._event = now.level, now.event
+        new = new or (bool(now.bypassed) and not self._bypassed)
+        self._level, self._event, self._bypassed = now.level, now.event, bool(now.bypassed)
         return new

@@ -1,13 +1,15 @@
-"""Inputs of the supervisor other than samples, as lines of JSON: settings and resets. They make a bag replayable."""
+"""Inputs of the supervisor other than samples, as lines of JSON: settings, resets and bypasses. They make a bag
+replayable."""
 
 from __future__ import annotations
 
 import json
 from dataclasses import asdict
+from typing import Any, NamedTuple
 
 from irsbot_kinematics import Robot
 from irsbot_kinematics.robot_record import robot_record
-from irsbot_msgs_py.records import Configure, Reset
+from irsbot_msgs_py.records import Bypass, Reset
 from irsbot_supervisor.core.settings import Settings
 
 
@@ -15,25 +17,44 @@ class JournalError(ValueError):
     """A line that is no journal entry."""
 
 
-def configured(settings: Settings, robot: Robot, received_ns: int, seen_ns: int) -> Configure:
-    """The event that puts settings into force for a robot."""
-    return Configure(received_ns, seen_ns, asdict(settings), robot_record(robot))
+class Configuration(NamedTuple):
+    """Settings that came into force, as plain values: what another version has written can be read, and checked."""
+
+    received_ns: int
+    seen_ns: int
+    values: dict[str, Any]  # of `Settings`, by name
+    machine: dict[str, Any]  # what robot they are for, complete
 
 
-def write_entry(event: Configure | Reset) -> str:
-    """One line for one event."""
-    return json.dumps({"kind": type(event).__name__.lower(), **event._asdict()}, sort_keys=True)
+Entry = Configuration | Reset | Bypass
+
+KINDS: dict[type[Entry], str] = {Configuration: "configure", Reset: "reset", Bypass: "bypass"}
+"""What kind of entry a line says it is."""
 
 
-def read_entry(line: str) -> Configure | Reset:
-    """The event of a line. Raises JournalError."""
+def configured(settings: Settings, robot: Robot, received_ns: int, seen_ns: int) -> Configuration:
+    """What the journal says of settings that come into force for a robot."""
+    return Configuration(received_ns, seen_ns, asdict(settings), robot_record(robot))
+
+
+def write_entry(entry: Entry) -> str:
+    """One line for one entry."""
+    return json.dumps({"kind": KINDS[type(entry)], **entry._asdict()}, sort_keys=True)
+
+
+def read_entry(line: str) -> Entry:
+    """The entry of a line. Raises JournalError."""
     try:
         said = json.loads(line)
         kind = said.pop("kind")
         if kind == "configure":
-            return Configure(**said)
+            return Configuration(**said)
         if kind == "reset":
             return Reset(**{**said, "seed_pose": tuple(said["seed_pose"])})
+        if kind == "bypass":
+            received_ns, seen_ns, event, cause = (int(said[k]) for k in ("received_ns", "seen_ns", "event", "cause"))
+            words = str(said["operator"]), str(said["reason"])
+            return Bypass(received_ns, seen_ns, event, cause, float(said["duration_s"]), *words)
         raise JournalError(f"not a journal entry: kind '{kind}'")
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise JournalError(f"not a journal entry: {line[:80]!r} ({error})") from None

@@ -5,9 +5,10 @@ from __future__ import annotations
 from math import inf, isfinite
 from typing import NamedTuple
 
-from irsbot_msgs_py.records import Cause, Configure, Level, SingularityState
+from irsbot_msgs_py.records import Cause, Level, SingularityState
 from irsbot_supervisor.core.intake import S
 from irsbot_supervisor.core.policy import KINDS, WORDS
+from irsbot_supervisor.journal import Configuration
 from irsbot_supervisor.replay import SILENCE_NS, Recording
 from irsbot_supervisor.sim.scenarios import Expectation
 
@@ -44,7 +45,7 @@ class Outcome(NamedTuple):
 
 def outcome(recording: Recording, expect: Expectation) -> Outcome:
     """Times and margins of a run, held against what its scenario expects."""
-    settings = next((entry.values for entry in recording.journal if isinstance(entry, Configure)), {})
+    settings = next((entry.values for entry in recording.journal if isinstance(entry, Configuration)), {})
     states = [state for state in recording.states if isfinite(state.type2_margin)]
     begin_ns = recording.begin_ns
     working = next((log for log, verdict in recording.verdicts if verdict.level < Level.STOP), None)

@@ -14,14 +14,14 @@ from itertools import count
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from irsbot_kinematics import KinematicsError
+from irsbot_kinematics import KinematicsError, Robot
 from irsbot_kinematics.robot_record import robot_from_record
-from irsbot_msgs_py.records import Cause, Configure, JointSample, Level, Reset, SingularityState, Tick, Verdict
+from irsbot_msgs_py.records import Cause, JointSample, Level, SingularityState, Tick, Verdict
 from irsbot_supervisor.core.intake import S
 from irsbot_supervisor.core.limits import settings_from
-from irsbot_supervisor.core.pipeline import Event, Supervisor
+from irsbot_supervisor.core.pipeline import Configure, Event, Supervisor
 from irsbot_supervisor.core.settings import InvalidSettings
-from irsbot_supervisor.journal import JournalError, configured, read_entry
+from irsbot_supervisor.journal import Configuration, Entry, JournalError, configured, read_entry
 from irsbot_supervisor.mcap_writer import BagError
 from irsbot_supervisor.settings_file import read_settings
 from irsbot_supervisor.sim.simulation import Simulation
@@ -30,8 +30,11 @@ from irsbot_supervisor.tape import JOINT_STATE, STATE, STRING, VERDICT, Tape, To
 SILENCE_NS = round(Simulation().verdict_timeout_s * S)
 """ns without a verdict after which a consumer stops."""
 
-Said = tuple[int, SingularityState | Verdict | Configure | Reset]
+Said = tuple[int, SingularityState | Verdict | Entry]
 """What a supervisor said, with its log time, ns."""
+
+Input = JointSample | Tick | Entry
+"""What a supervisor was given, as a bag has it."""
 
 
 class Assumption(NamedTuple):
@@ -64,7 +67,7 @@ class Chapter(NamedTuple):
 class Supervision:
     """What a bag holds of one supervisor, from the beginning of its numbers to their end."""
 
-    journal: list[Configure | Reset] = field(default_factory=list)
+    journal: list[Entry] = field(default_factory=list)
     states: list[SingularityState] = field(default_factory=list)
     verdicts: list[tuple[int, Verdict]] = field(default_factory=list)  # log time, ns
 
@@ -111,7 +114,7 @@ class Recording:
         return [heard for supervision in self.supervisions for heard in supervision.verdicts]
 
     @property
-    def journal(self) -> list[Configure | Reset]:
+    def journal(self) -> list[Entry]:
         return [entry for supervision in self.supervisions for entry in supervision.journal]
 
 
@@ -218,7 +221,7 @@ def judge_again(recording: Recording, told: Assumption | None = None) -> Judged:
     Raises BagError for settings that this version cannot use, and where the robot is not known, or said twice.
     """
     judged = Judged([], {}, 0, 0)
-    first = next((entry for entry in recording.journal if isinstance(entry, Configure)), None)
+    first = next((entry for entry in recording.journal if isinstance(entry, Configuration)), None)
     try:
         if first is None:
             first = _assumed(recording, told)
@@ -238,7 +241,7 @@ def judge_again(recording: Recording, told: Assumption | None = None) -> Judged:
         for sample in recording.samples:
             waiting[sample.stamp_ns].append(sample)
         for supervision in recording.supervisions:
-            first = next((entry for entry in supervision.journal if isinstance(entry, Configure)), first)
+            first = next((entry for entry in supervision.journal if isinstance(entry, Configuration)), first)
             seen = _seen(supervision, waiting)
             last = supervision.states[-1].sequence - supervision.states[0].sequence + 1 if supervision.states else 0
             judged.missing += last - len(seen)
@@ -257,7 +260,7 @@ def cause_names(causes: int) -> str:
     return ", ".join(cause.name or "" for cause in Cause if cause and causes & cause)
 
 
-def _journal_entry(bag: Path, line: str) -> Configure | Reset:
+def _journal_entry(bag: Path, line: str) -> Entry:
     try:
         return read_entry(line)
     except JournalError as error:
@@ -271,7 +274,7 @@ def _silence(end_ns: int, again_ns: int) -> list[Chapter]:
     return [Chapter(since_ns, Level.UNKNOWN, 0, False, 0, text)] if since_ns < again_ns else []
 
 
-def _assumed(recording: Recording, told: Assumption | None) -> Configure:
+def _assumed(recording: Recording, told: Assumption | None) -> Configuration:
     if told is None or told.robot is None:
         raise BagError(f"{recording.path}: the bag does not say which robot it is of; say it with --robot NAME")
     start = recording.samples[0]
@@ -295,7 +298,8 @@ def _supervisions(said: list[Said]) -> list[Supervision]:
     for begin, start, end, next_start in zip(
         [0, *begins[1:]], starts or [0], [*begins[1:], len(said)], [*starts[1:], len(said)], strict=True
     ):
-        supervision = Supervision([r for _log, r in said[start:next_start] if isinstance(r, (Configure, Reset))])
+        entries = [r for _log, r in said[start:next_start] if not isinstance(r, (SingularityState, Verdict))]
+        supervision = Supervision(entries)
         for log_ns, record in said[begin:end]:
             if isinstance(record, SingularityState):
                 supervision.states.append(record)
@@ -316,7 +320,7 @@ def _settings_of(said: list[Said], begins: list[int], number: int) -> int:
     known = [
         (entry.seen_ns, index)
         for index, (_log_ns, entry) in enumerate(said[before:after], before)
-        if isinstance(entry, Configure) and entry.seen_ns <= moment_ns
+        if isinstance(entry, Configuration) and entry.seen_ns <= moment_ns
     ]
     return max(known)[1] if known else begin
 
@@ -330,21 +334,21 @@ def _seen(supervision: Supervision, waiting: dict[int, deque[JointSample]]) -> d
     }
 
 
-def _events(supervision: Supervision, first: Configure, samples: list[JointSample]) -> list[Event]:
+def _events(supervision: Supervision, first: Configuration, samples: list[JointSample]) -> list[Input]:
     """The inputs of a supervisor in the order in which it saw them."""
-    others: list[Event] = [entry for entry in supervision.journal if entry is not first]
+    others: list[Input] = [entry for entry in supervision.journal if entry is not first]
     end_ns = max([verdict.since_ns for _log, verdict in supervision.verdicts], default=0)
     return _with_ticks([_begin(supervision, first), *samples, *others], end_ns)
 
 
-def _begin(supervision: Supervision, first: Configure) -> Tick:
+def _begin(supervision: Supervision, first: Configuration) -> Tick:
     """When silence begins to count: as the settings came into force, or where the recording begins if that is later."""
     if supervision.begun_late:
         return Tick(supervision.states[0].received_ns, supervision.states[0].seen_ns)
     return Tick(first.received_ns, first.seen_ns)
 
 
-def _with_ticks(events: list[Event], end_ns: int) -> list[Event]:
+def _with_ticks(events: list[Input], end_ns: int) -> list[Input]:
     """In order of time, with a tick at the end so that a silence there is noticed."""
     ordered = sorted(events, key=lambda event: event.seen_ns)
     if end_ns > ordered[-1].seen_ns:
@@ -353,7 +357,7 @@ def _with_ticks(events: list[Event], end_ns: int) -> list[Event]:
 
 
 def _step_through(
-    judged: Judged, first: Configure, events: list[Event], numbers: Iterator[int], ahead_ns: int = 0
+    judged: Judged, first: Configuration, events: list[Input], numbers: Iterator[int], ahead_ns: int = 0
 ) -> None:
     """Judge the inputs of one supervisor. numbers: of its samples, as they were recorded. An error inside makes the
     state UNKNOWN, as in the node, and the replay goes on."""
@@ -362,7 +366,7 @@ def _step_through(
     chapters: list[Chapter] = []
     for event in events:
         try:
-            step = supervisor.step(event)
+            step = supervisor.step(_event(event, machine))
         except InvalidSettings:  # of the bag, not of an error inside
             raise
         except Exception as error:  # as the node guards it
@@ -377,3 +381,10 @@ def _step_through(
             text = "; ".join(finding.text for finding in turn.findings)
             chapters.append(Chapter(turn.since_ns + ahead_ns, turn.level, turn.causes, turn.latched, turn.event, text))
     judged.parts.append(chapters)
+
+
+def _event(given: Input, machine: Robot) -> Event:
+    """The event of the core: settings are checked here, once."""
+    if isinstance(given, Configuration):
+        return Configure(given.received_ns, given.seen_ns, settings_from(given.values, machine))
+    return given

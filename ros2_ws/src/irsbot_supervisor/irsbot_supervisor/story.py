@@ -8,9 +8,10 @@ from math import inf, nan
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from irsbot_msgs_py.records import Cause, Configure, Level
+from irsbot_msgs_py.records import Cause, Level
 from irsbot_supervisor.core.intake import S
 from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.journal import Configuration
 from irsbot_supervisor.mcap_writer import BagError
 from irsbot_supervisor.replay import Assumption, Chapter, Judged, Recording, cause_names
 
@@ -110,7 +111,7 @@ def _ended(spans: list[tuple[Told, int]]) -> list[tuple[Told, int]]:
 
 def _time_to_stop(recording: Recording, since_ns: int) -> float:
     """s until the joints first report that they stand, whatever the supervisor makes of it; infinite if never."""
-    values = next((entry.values for entry in recording.journal if isinstance(entry, Configure)), {})
+    values = next((entry.values for entry in recording.journal if isinstance(entry, Configuration)), {})
     slow = float(values.get("standstill_speed", Settings.standstill_speed))
     for sample in recording.samples:
         after_ns = sample.seen_ns - since_ns

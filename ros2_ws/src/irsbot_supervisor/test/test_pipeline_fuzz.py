@@ -151,8 +151,8 @@ def check(supervisor: Supervisor, script: list[tuple[float, tuple[str, object]]]
     level = Level.UNKNOWN
     for gap, action in script:
         now_ms += gap
-        event = event_of(now_ms, action, supervisor, events)
         try:
+            event = event_of(now_ms, action, supervisor, events)
             step = supervisor.step(event)
         except InvalidSettings:
             assert action[0] == "nonsense"

@@ -13,13 +13,14 @@ from fake_failing_mechanism import fake_robot_of
 from typer.testing import CliRunner
 
 import irsbot_supervisor.replay
-from irsbot_msgs_py.records import Cause, Configure, JointSample, Level, SingularityState, Verdict
+from irsbot_msgs_py.records import Cause, JointSample, Level, SingularityState, Verdict
 from irsbot_supervisor.cli.app import app
 from irsbot_supervisor.cli.replay import write_junit
 from irsbot_supervisor.closed_loop import cycles, record
 from irsbot_supervisor.core.intake import S
-from irsbot_supervisor.core.pipeline import Supervisor
-from irsbot_supervisor.journal import configured, write_entry
+from irsbot_supervisor.core.limits import settings_from
+from irsbot_supervisor.core.pipeline import Configure, Supervisor
+from irsbot_supervisor.journal import Configuration, configured, write_entry
 from irsbot_supervisor.mcap_writer import BagError
 from irsbot_supervisor.outcome import outcome
 from irsbot_supervisor.replay import Assumption, Judged, Recording, judge_again, read_recording
@@ -154,10 +155,11 @@ def test_samples_that_the_bag_lacks_are_counted_and_so_are_those_that_nobody_jud
     assert (judged.missing, judged.unseen) == (2, 1)
 
 
-def active(supervisor: Supervisor, change: Configure, samples: list[JointSample], writer: TapeWriter) -> None:
+def active(supervisor: Supervisor, change: Configuration, samples: list[JointSample], writer: TapeWriter) -> None:
     """A supervisor from its activation until it falls silent, as its node publishes it."""
     writer.add("supervisor/journal", write_entry(change), change.received_ns)
-    for event in (change, *samples):
+    into_force = Configure(change.received_ns, change.seen_ns, settings_from(change.values, supervisor.robot))
+    for event in (into_force, *samples):
         step = supervisor.step(event)
         if step.state is not None:
             writer.add("supervisor/state", step.state, event.received_ns)

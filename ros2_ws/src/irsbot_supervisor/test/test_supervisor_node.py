@@ -20,17 +20,19 @@ from builtin_interfaces.msg import Time
 from cell import GOOD, NAMES, NEAR, PATIENCE_S, Cell, Wire, going, resting, sample, swinging
 from diagnostic_msgs.msg import DiagnosticArray
 from irsbot_msgs.msg import Verdict as VerdictMessage
-from irsbot_msgs.srv import CheckTrajectory
+from irsbot_msgs.srv import BypassStop, CheckTrajectory
 from lifecycle_msgs.msg import Transition
 from rclpy.duration import Duration
-from rclpy.qos import QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.utilities import get_rmw_implementation_identifier
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 from trajectory_msgs.msg import JointTrajectoryPoint
 from visualization_msgs.msg import Marker, MarkerArray
 
-from irsbot_msgs_py.records import Cause, JointSample, Level
+from irsbot_msgs_py.records import Bypass, Cause, JointSample, Level
+from irsbot_supervisor.journal import read_entry
 
 pytestmark = [
     pytest.mark.ros,
@@ -217,6 +219,51 @@ def test_a_latched_stop_survives_a_change_of_settings_and_ends_by_the_right_rese
     again = cell.reset(1)
     assert not again.accepted
     assert "nothing to reset" in again.message
+
+
+def test_an_operator_bypasses_one_cause_by_the_service_for_a_while(wire: Wire):
+    cell = Cell(wire, type2_stop=0.01, type2_warn=0.02, constraint_stop=0.001, constraint_warn=0.002)
+    heard = statuses_of(cell)
+    journal: list[str] = []
+    latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    cell.node.create_subscription(String, "supervisor/journal", lambda message: journal.append(message.data), latched)
+    cell.say = resting(NEAR)
+    assert cell.heard_level(Level.STOP).event == 1
+
+    def ask(**changes: object) -> BypassStop.Response:
+        wish = {"event": 1, "cause": int(Cause.TYPE1), "duration_s": 3.0, "operator_name": "Ada", "reason": "free it"}
+        return cell.call(BypassStop, "supervisor/bypass", BypassStop.Request(**{**wish, **changes}))
+
+    for changes, words in (
+        ({"duration_s": math.nan}, "duration"),
+        ({"event": 7}, "event 7"),
+        ({"reason": ""}, "reason"),
+    ):
+        answer = ask(**changes)
+        assert not answer.accepted
+        assert words in answer.message or "known" in answer.message  # a sample may be late on a busy machine
+
+    def lasts() -> bool:
+        """Whether the diagnostics have seen it; a bypass is asked for again where a late sample has ended it."""
+        if not cell.verdicts[-1].bypassed:
+            ask(event=cell.verdicts[-1].event)
+        return any("TYPE1 is bypassed for " in status["supervisor"][1] for status in heard)
+
+    cell.wire.until(lasts, "a bypass in the diagnostics")
+    passed = [verdict for verdict in cell.verdicts if verdict.bypassed]
+    for verdict in passed:
+        assert (verdict.level, verdict.bypassed, verdict.latched) == (Level.WARN, Cause.TYPE1, False)
+        assert 0.0 <= verdict.bypass_left <= 3.0
+        assert verdict.speed_scale == 0.05
+    assert "bypassed by Ada until " in passed[0].text
+    assert "free it: Type 1 margin 0.1215, limit 0.1500" in passed[0].text
+    again = cell.heard_level(Level.STOP)
+    before = next(verdict for verdict in reversed(cell.verdicts) if verdict.bypassed)
+    assert (again.event, again.latched, again.bypassed) == (before.event + 1, True, 0)
+    cell.logged("bypass of cause 1 of event 1 for 3 s by 'Ada', 'free it': ")
+    entries = [entry for entry in map(read_entry, journal) if isinstance(entry, Bypass)]
+    assert [math.isnan(entry.duration_s) for entry in entries[:2]] == [True, False]
+    assert (entries[-1].operator, entries[-1].reason, entries[-1].duration_s) == ("Ada", "free it", 3.0)
 
 
 def silent(cell: Cell) -> bool:

@@ -10,8 +10,9 @@ import numpy as np
 
 from irsbot_supervisor.campaign.line import ROBOTS, WARM_UP, Line
 from irsbot_supervisor.campaign.rows import Job, Row, Tally
+from irsbot_supervisor.core.limits import settings_from
+from irsbot_supervisor.core.pipeline import Configure
 from irsbot_supervisor.core.settings import InvalidSettings, Settings
-from irsbot_supervisor.journal import configured
 
 NAME = "settings"
 MUST = "in force whole or refused in the call, the old ones stay; no exception, no latch cleared"
@@ -96,11 +97,10 @@ def _configure(line: Line, changes: dict[str, Any], tally: Tally) -> tuple[str, 
     before, verdict = supervisor.settings, line.verdict
     assert verdict is not None, "a line that runs has a verdict"
     tally.add("while a stop was latched", float(verdict.latched))
-    event = configured(before, supervisor.robot, line.received_ns, line.now_ns)
-    event = event._replace(values={**event.values, **changes})
     unsafe = failed = ""
     try:
-        line.feed(event)
+        settings = settings_from({**asdict(before), **changes}, supervisor.robot)
+        line.feed(Configure(line.received_ns, line.now_ns, settings))
         tally.add("accepted")
         for name, value in changes.items():
             if not _is_in_force(getattr(supervisor.settings, name, None), value):

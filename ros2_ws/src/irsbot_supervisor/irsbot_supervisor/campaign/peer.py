@@ -48,8 +48,8 @@ class Peer:
         self._heard_s = self._silence_s = 0.0  # when the last verdict came, and the longest silence before one
         self._executor = EventsExecutor(context=self.context)
         self._executor.add_node(self.node)
-        self._silent = rclpy.create_node("campaign_reader", context=self.context)  # served by no executor
-        self._states = self._silent.create_subscription(
+        self.silent = rclpy.create_node("campaign_reader", context=self.context)  # served by no executor
+        self._states = self.silent.create_subscription(
             StateMessage, "supervisor/state", lambda data: None, NEWEST, raw=True
         )
 
@@ -112,7 +112,7 @@ class Peer:
         """Leave the domain."""
         self._executor.shutdown()
         self.node.destroy_node()
-        self._silent.destroy_node()
+        self.silent.destroy_node()
         rclpy.try_shutdown(context=self.context)
 
     def __enter__(self) -> Peer:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from irsbot_supervisor.campaign import floods, operators, outages, recorder, recorder_death, soak
+from irsbot_supervisor.campaign import floods, operators, outages, recorder, recorder_death, silence, soak
 from irsbot_supervisor.campaign.rows import Entry
 
 ENTRIES: tuple[Entry, ...] = (
@@ -15,5 +15,6 @@ ENTRIES: tuple[Entry, ...] = (
     Entry(operators.RESETS, operators.RESETS_MUST, 4000, 200, operators.run_resets, needs_ros=True),
     Entry(floods.NAME, floods.MUST, 60, 6, floods.run, needs_ros=True),
     Entry(outages.NAME, outages.MUST, 64, 4, outages.run, needs_ros=True),
+    Entry(silence.NAME, silence.MUST, 6400, 16, silence.run, needs_ros=True),
     Entry(soak.NAME, soak.MUST, 1800, 20, soak.run, needs_ros=True),
 )

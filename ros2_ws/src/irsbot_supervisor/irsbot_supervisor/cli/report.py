@@ -12,11 +12,11 @@ from typing import Annotated
 import typer
 
 from irsbot_kinematics import BadInput
-from irsbot_msgs_py.records import Configure
 from irsbot_supervisor.cli.common import existing, out
 from irsbot_supervisor.cli.replay import NamespaceOption, RobotOption, SettingsOption, assumption, story_of
 from irsbot_supervisor.core.intake import S
 from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.journal import Configuration
 from irsbot_supervisor.outcome import Outcome, outcome
 from irsbot_supervisor.replay import Judged, Recording, cause_names, judge_again, read_recording
 from irsbot_supervisor.sim.scenarios import Expectation
@@ -60,7 +60,7 @@ def _page(bag: Path, recording: Recording, judged: Judged, found: Outcome) -> st
         f"<li>{escape(check.name)}: {escape(check.faults[0]) if check.faults else 'same'}</li>"
         for check in against_recording(recording, judged)
     )
-    entry = next((entry for entry in recording.journal if isinstance(entry, Configure)), None)
+    entry = next((entry for entry in recording.journal if isinstance(entry, Configuration)), None)
     settings = entry.values if entry else {}
     units = {known.name: str(known.metadata["unit"]) for known in fields(Settings)}
     rows = "".join(

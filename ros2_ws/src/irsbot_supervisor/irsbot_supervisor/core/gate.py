@@ -135,6 +135,10 @@ class Gate:
         limits, best = [], []
         for kind, now, last, keep in zip(KINDS, floor_of(reach), self._best, self._keep, strict=True):
             caused = bool(stopped_by & kind)
+            if view.judgement.bypassed & kind:  # it may be lost: an operator has said so
+                best.append(-inf)
+                limits.append(-inf)
+                continue
             gained = max(now, last) if caused or now < keep else -inf
             best.append(gained)
             limits.append(gained - DIP if caused else min(keep, gained - DIP) if gained > -inf else keep)

@@ -1,6 +1,7 @@
 """The supervisor: events in, states and verdicts out. Time is in the events; nothing here asks a clock.
 
-A sample, a tick of a timer, an operator's reset and new settings enter by the same door, so that all of it replays.
+A sample, a tick of a timer, an operator's reset or bypass and new settings enter by the same door, so that all of it
+replays.
 """
 
 from __future__ import annotations
@@ -13,8 +14,8 @@ from irsbot_kinematics import Posture, Robot
 from irsbot_kinematics.requests import solve_direct, tells_apart
 from irsbot_kinematics.tolerances import SAME_POSE_TOL
 from irsbot_msgs_py.records import (
+    Bypass,
     Cause,
-    Configure,
     Finding,
     Floats,
     JointSample,
@@ -31,7 +32,6 @@ from irsbot_supervisor.core.estimation.sample_interval import SETTLING
 from irsbot_supervisor.core.gate import View
 from irsbot_supervisor.core.intake import Intake, Rejected, S
 from irsbot_supervisor.core.latch import Judgement, Latch
-from irsbot_supervisor.core.limits import settings_from
 from irsbot_supervisor.core.policy import KINDS, Policy
 from irsbot_supervisor.core.report import Reporter
 from irsbot_supervisor.core.settings import LEAST_LIMIT, InvalidSettings, Settings
@@ -41,7 +41,16 @@ from irsbot_supervisor.core.stopping import PATIENT_CUTS, BoxBounds, StoppingPre
 APART = ((-inf, LEAST_LIMIT, -inf, -inf), PATIENT_CUTS)
 """What has to be proved of a silence: that no Type 2 singularity was met, and how much may be done for it once."""
 
-Event = JointSample | Tick | Reset | Configure
+
+class Configure(NamedTuple):
+    """Settings come into force. They are checked where they enter (`settings_from`), and not again."""
+
+    received_ns: int
+    seen_ns: int
+    settings: Settings
+
+
+Event = JointSample | Tick | Reset | Bypass | Configure
 
 
 class Step(NamedTuple):
@@ -49,7 +58,7 @@ class Step(NamedTuple):
 
     state: SingularityState | None
     verdict: Verdict | None  # due now: a transition, or the heartbeat
-    refusal: str = ""  # why a reset was refused
+    refusal: str = ""  # why a reset or a bypass was refused
     turns: tuple[Judgement, ...] = ()  # every judgement that came into force, in order
 
 
@@ -78,7 +87,7 @@ class Supervisor:
         """Rejected samples by reason."""
 
     def step(self, event: Event) -> Step:
-        """What an event means. Never raises for values; InvalidSettings for a Configure that cannot be used."""
+        """What an event means. Never raises for values; InvalidSettings for a change of what is read only."""
         latch = self._latch
         latch.turns = []
         state, refusal = None, ""
@@ -91,6 +100,8 @@ class Supervisor:
             changed = True
         elif isinstance(event, Reset):
             refusal = self._reset(event)
+        elif isinstance(event, Bypass):
+            refusal = self._bypass(event)
         verdict = self._speak(event.seen_ns, changed or bool(latch.turns))
         return Step(state, verdict, refusal, tuple(latch.turns))
 
@@ -108,9 +119,9 @@ class Supervisor:
     def _configure(self, change: Configure) -> None:
         """New settings, whole and checked. What is known of the robot, and a latched stop, stay as they are.
 
-        Raises InvalidSettings, also for a change of what is read only.
+        Raises InvalidSettings for a change of what is read only.
         """
-        settings = settings_from(change.values, self.robot)
+        settings = change.settings
         for entry in fields(Settings):
             now, then = getattr(self.settings, entry.name), getattr(settings, entry.name)
             if entry.metadata.get("read_only") and now != then:
@@ -152,6 +163,9 @@ class Supervisor:
         """Silence since the last good sample, noticed now but dated to when it began to count. What the last sample
         showed holds until another shows otherwise."""
         good, latch = self._good, self._latch
+        end_ns = latch.bypassed_until_ns
+        if end_ns is not None and end_ns <= seen_ns and good is not None and end_ns <= good.seen_ns + self._stale_ns:
+            latch.update(self._found, end_ns)  # or silence has ended it before
         latch.keep(self._found, seen_ns)
         if good is None:
             text = "no usable sample has arrived"
@@ -165,8 +179,8 @@ class Supervisor:
             self._silence = [Finding(Cause.STALE, Level.UNKNOWN, (seen_ns - good.seen_ns) / S, limit, "s", text)]
             if not self._stale:
                 self._stale = True
-                latch.update(self._silence, limit_ns)
-        latch.keep(self._silence, seen_ns)
+                latch.update([*self._found, *self._silence], limit_ns)
+        latch.keep([*self._found, *self._silence], seen_ns)
         return self._hold(seen_ns)
 
     def _learn(self, now_ns: int) -> None:
@@ -201,7 +215,9 @@ class Supervisor:
             self._begun_ns = sample.seen_ns
             self._learn(sample.seen_ns)
         self._good, self._at, self._stale, self._silence = estimate, at, False, []
-        predict = self._predictor.at_once if self._latch.latched else self._predictor.predict
+        if self._latch.now.bypassed and not self._is_slow(estimate.velocity):
+            self._latch.end_bypass()  # it was given for slow motion
+        predict = self._predictor.once if self._latch.latched else self._predictor.predict
         floor = predict(at, estimate.speeds, estimate.ahead_s)
         reaction = self._reporter.reaction(estimate, assessment)
         # Until it is known how often samples come the level is UNKNOWN: what could be reached tells nothing yet.
@@ -231,6 +247,8 @@ class Supervisor:
             return "no good sample to judge by"
         if unknown := [f for f in self._found if f.level == Level.UNKNOWN and not f.cause & Cause.BRANCH]:
             return f"the state of the robot is not known: {unknown[0].text}"
+        if refusal := self._latch.refused(reset.event, self.standing):
+            return refusal  # at once: whoever asks in vain, and often, must not take the time that samples need
         seen: Posture | None = None
         if reset.seed_pose:
             seen, doubt = self._seen(good.position, reset.seed_pose)
@@ -249,6 +267,11 @@ class Supervisor:
             self._assessor.confirm(seen)
             self._found, self._at = active, assessment.at
         return refusal
+
+    def _bypass(self, wish: Bypass) -> str:
+        if self._good is None or self._stale:
+            return "no good sample to judge by"
+        return self._latch.bypass(wish, self.standing, self._found)
 
     def _seen(self, joints: Floats, seed_pose: Floats) -> tuple[Posture | None, str]:
         """The posture in which an operator sees the platform, where that tells more than the settings, and why it
@@ -300,7 +323,7 @@ class Supervisor:
     def _verdict(self, seen_ns: int) -> Verdict:
         self._verdicts += 1
         self._spoken_ns = seen_ns
-        now = self._latch.now
+        now, end_ns = self._latch.now, self._latch.bypassed_until_ns
         return Verdict(
             self._good.stamp_ns if self._good else 0,
             now.level,
@@ -314,16 +337,22 @@ class Supervisor:
             now.since_ns,
             self._recovery_scale() if now.level == Level.STOP else now.speed_scale,
             now.findings,
+            Cause(now.bypassed),
+            max(end_ns - seen_ns, 0) / S if end_ns is not None else 0.0,
         )
 
     def _recovery_scale(self) -> float:
         """After a STOP: 0 until the robot has become slow, then what the command gate may use to move it away."""
-        good, settings = self._good, self.settings
-        share, slow = settings.recovery_share, settings.standstill_speed
+        good = self._good
         if good is None or self._stale:
             return 0.0
-        pairs = zip(good.velocity, settings.velocity_limit, strict=True)
-        return share if all(abs(rate) <= share * most + slow for rate, most in pairs) else 0.0
+        return self.settings.recovery_share if self._is_slow(good.velocity) else 0.0
+
+    def _is_slow(self, velocity: Floats) -> bool:
+        """Whether no joint is faster than it may be while it is moved away from a stop, or beyond one."""
+        share, slow = self.settings.recovery_share, self.settings.standstill_speed
+        pairs = zip(velocity, self.settings.velocity_limit, strict=True)
+        return all(abs(rate) <= share * most + slow for rate, most in pairs)
 
 
 def _causes(findings: list[Finding]) -> int:

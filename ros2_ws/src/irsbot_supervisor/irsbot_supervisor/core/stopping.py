@@ -47,6 +47,12 @@ class Proved(NamedTuple):
     high: Floats
     floor: Margins
 
+    def holds(self, low: Floats, high: Floats) -> bool:
+        """Whether another box lies in this one."""
+        return all(a <= b for a, b in zip(self.low, low, strict=True)) and all(
+            a >= b for a, b in zip(self.high, high, strict=True)
+        )
+
 
 class BoxBounds:
     """Certified minima of the margins of one mechanism over boxes of joint positions."""
@@ -125,7 +131,8 @@ class StoppingPredictor:
         whole = 2 ** len(mechanism.joints)
         cuts, more = (PATIENT_CUTS, PATIENT_CUTS) if patient else (HALVINGS * whole, MORE_HALVINGS * whole)
         self._usual = (warn, cuts), (stop, more)
-        self._proved: tuple[Proved, ...] = ()
+        self._proved: Proved | None = None
+        self._looked: Proved | None = None  # what has been found where nothing could be proved
 
     def predict(
         self,
@@ -157,32 +164,31 @@ class StoppingPredictor:
 
     def _sampled(self, at: Posture, low: Floats, high: Floats) -> Margins:
         """Bounds over a box that moves on a little with every sample."""
-        for proved in self._proved:
-            if all(a <= b for a, b in zip(proved.low, low, strict=True)) and all(
-                a >= b for a, b in zip(proved.high, high, strict=True)
-            ):
-                return proved.floor
-        more = [WIDER * (b - a) for a, b in zip(low, high, strict=True)]
-        wide = tuple(map(sub, low, more)), tuple(map(add, high, more))
-        floor = nothing_of(at)
+        if (proved := self._proved) is not None and proved.holds(low, high):
+            return proved.floor
+        wide, floor = _wider(low, high), nothing_of(at)
         for goal in self._usual:
             floor = self._bounds.least(at, *wide, (goal,))
             if spare_of(floor, goal[0]) >= 0.0:
-                self._proved = (Proved(*wide, floor),)
+                self._proved = Proved(*wide, floor)
                 return floor
             floor = self._bounds.least(at, low, high, (goal,))
             if spare_of(floor, goal[0]) >= 0.0:
                 return floor
         return floor
 
-    def at_once(self, at: Posture, speeds: Speeds, ahead_s: float) -> Margins:
-        """What `predict` says with as little work as possible: enough where a robot is being stopped anyway."""
+    def once(self, at: Posture, speeds: Speeds, ahead_s: float) -> Margins:
+        """What `predict` says, with less work: enough where a robot is being stopped anyway. For boxes that hardly move
+        nothing is computed, whether anything was proved of them or not."""
         forward, backward = self._reach.until_rest(speeds, ahead_s + self._latency)
         if not sum(forward) + sum(backward) < inf:
             return nothing_of(at)
-        low = [q - way - e for q, way, e in zip(at.joints, backward, self._reach.errors, strict=True)]
-        high = [q + way + e for q, way, e in zip(at.joints, forward, self._reach.errors, strict=True)]
-        return self._bounds.least(at, tuple(low), tuple(high), ((self._usual[0][0], 0),))
+        low = tuple([q - way - e for q, way, e in zip(at.joints, backward, self._reach.errors, strict=True)])
+        high = tuple([q + way + e for q, way, e in zip(at.joints, forward, self._reach.errors, strict=True)])
+        if (looked := self._looked) is None or not looked.holds(low, high):
+            wide = _wider(low, high)
+            looked = self._looked = Proved(*wide, self._bounds.least(at, *wide, self._usual))
+        return looked.floor
 
     def along(self, at: Posture, rates: Floats, ahead_s: float, wanted: Margins) -> Margins:
         """Certified smallest margins until standstill if every joint goes on at its rate (rad/s or m/s) for `ahead_s` and
@@ -195,6 +201,11 @@ class StoppingPredictor:
     def travel(self, speeds: Speeds, ahead_s: float) -> tuple[list[float], list[float]]:
         """rad or m that the joints get forward and backward until they stand."""
         return self._reach.until_rest(speeds, ahead_s + self._latency)
+
+
+def _wider(low: Floats, high: Floats) -> tuple[Floats, Floats]:
+    more = [WIDER * (b - a) for a, b in zip(low, high, strict=True)]
+    return tuple(map(sub, low, more)), tuple(map(add, high, more))
 
 
 def lowest(floors: list[Margins]) -> Margins:

@@ -1,28 +1,53 @@
-"""The service CheckTrajectory: request, certificate, response."""
+"""The service CheckTrajectory: request, certificate, response. The certificate is a task for a worker process."""
 
 from __future__ import annotations
 
 from math import nan
+from typing import NamedTuple
 
 from irsbot_msgs.srv import CheckTrajectory
 
 from irsbot_kinematics import Robot
+from irsbot_msgs_py.records import Floats
 from irsbot_msgs_py.stamps import NS_PER_S, nanoseconds
 from irsbot_supervisor.core.cartesian import certify_poses
 from irsbot_supervisor.core.certify import Certificate, certify
 from irsbot_supervisor.core.motion import BadTrajectory
 from irsbot_supervisor.core.policy import KINDS
 from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.worker import Task
 
 
-def checked(
-    robot: Robot, settings: Settings, request: CheckTrajectory.Request, response: CheckTrajectory.Response
-) -> CheckTrajectory.Response:
-    """Fill in the response. A trajectory that is none is not safe, and the message says why."""
+class Motion(NamedTuple):
+    """A trajectory as plain values: points of the joints in robot order, or poses of the platform."""
+
+    times_s: list[float]
+    positions: list[Floats]
+    velocities: list[Floats]  # empty for straight lines, and for poses
+    assembly_mode: int
+    is_of_platform: bool
+
+
+def asked(robot: Robot, settings: Settings, request: CheckTrajectory.Request) -> Task:
+    """What has to be computed for a request: a certificate, or a text. Raises BadTrajectory."""
+    return Task(certificate, (robot, settings, _motion(robot, settings, request)))
+
+
+def certificate(robot: Robot, settings: Settings, motion: Motion) -> Certificate | str:
+    """The certificate of a motion, or why it is none."""
+    times, positions, velocities, mode, is_of_platform = motion
     try:
-        found = _certificate(robot, settings, request)
+        if is_of_platform:
+            return certify_poses(robot, settings, times, positions, mode)
+        return certify(robot, settings, times, positions, velocities, mode)
     except BadTrajectory as error:
-        return refused(response, str(error))
+        return str(error)
+
+
+def answered(found: Certificate | str, response: CheckTrajectory.Response) -> CheckTrajectory.Response:
+    """Fill in the response. A trajectory that is none is not safe, and the message says why."""
+    if isinstance(found, str):
+        return refused(response, found)
     response.violation_time = response.violation_value = response.violation_limit = nan
     response.safe = found.safe
     response.margin_cause = [int(kind) for kind in KINDS]
@@ -44,7 +69,7 @@ def refused(response: CheckTrajectory.Response, why: str) -> CheckTrajectory.Res
     return response
 
 
-def _certificate(robot: Robot, settings: Settings, request: CheckTrajectory.Request) -> Certificate:
+def _motion(robot: Robot, settings: Settings, request: CheckTrajectory.Request) -> Motion:
     trajectory = request.trajectory
     names = list(trajectory.joint_names)
     task = [coordinate.name for coordinate in robot.mechanism.task]
@@ -56,9 +81,8 @@ def _certificate(robot: Robot, settings: Settings, request: CheckTrajectory.Requ
     if any(len(point.positions) != len(names) or len(point.velocities) not in (0, len(names)) for point in points):
         raise BadTrajectory(f"every point needs {len(names)} positions, and {len(names)} velocities or none")
     times = [nanoseconds(p.time_from_start.sec, p.time_from_start.nanosec) / NS_PER_S for p in points]
-    positions = [[point.positions[i] for i in order] for point in points]
-    if wanted == task:
-        return certify_poses(robot, settings, times, positions, request.assembly_mode)
-    cubic = bool(points) and all(len(point.velocities) for point in points)
-    velocities = [[point.velocities[i] for i in order] for point in points] if cubic else ()
-    return certify(robot, settings, times, positions, velocities, request.assembly_mode)
+    of_platform = wanted == task
+    cubic = bool(points) and all(len(point.velocities) for point in points) and not of_platform
+    positions = [tuple([point.positions[i] for i in order]) for point in points]
+    velocities = [tuple([point.velocities[i] for i in order]) for point in points] if cubic else []
+    return Motion(times, positions, velocities, request.assembly_mode, of_platform)

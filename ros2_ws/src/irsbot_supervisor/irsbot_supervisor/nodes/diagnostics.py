@@ -61,6 +61,9 @@ class DiagnosticsPublisher:
             status.message = "; ".join(finding.text for finding in found) or "OK"
             if check == "supervisor" and verdict.latched:
                 status.message = f"a stop is latched, event {verdict.event}: {verdict.text}"
+            if check == "supervisor" and verdict.bypassed:
+                status.level = max(status.level, DiagnosticStatus.WARN)
+                status.message = f"{verdict.bypassed.name} is bypassed for {verdict.bypass_left:.0f} s: {verdict.text}"
             if check == "joint states":
                 rejected = self._supervisor.rejections.items()
                 status.values = [KeyValue(key=f"rejected {c.name}", value=str(n)) for c, n in rejected]

@@ -1,18 +1,28 @@
-"""The settings as ROS parameters: declared from the schema of `Settings`, checked as a whole in the set call."""
+"""The settings as ROS parameters: declared from the schema of `Settings`, checked as a whole in the set call.
+
+What takes long is whether the robot can be stopped from its velocity limits. A worker process looks into that before
+the parameters are set; the parameter callbacks, which rclpy calls within the set call, find the answer.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, fields
 from typing import Any
 
-from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from irsbot_kinematics import Robot
-from irsbot_supervisor.core.limits import settings_from
-from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.core.limits import contradictions, settings_from
+from irsbot_supervisor.core.settings import InvalidSettings, Settings, completed
+from irsbot_supervisor.nodes.later import Later, Steps
 from irsbot_supervisor.settings_file import read_settings, robot_of, shipped_values
+from irsbot_supervisor.worker import Task, WorkerError
+
+NAMES = frozenset(entry.name for entry in fields(Settings))
 
 
 def declare_settings(node: Node) -> tuple[Settings, Robot]:
@@ -33,11 +43,83 @@ def declare_settings(node: Node) -> tuple[Settings, Robot]:
     return read_settings(robot_name, {name: _plain(value) for name, value in changes.items()})
 
 
-def changed_settings(settings: Settings, robot: Robot, parameters: list[Parameter]) -> Settings | None:
-    """The settings with some parameters replaced; None if none of them is a setting. Raises InvalidSettings."""
-    names = {entry.name for entry in fields(Settings)}
-    changes = {parameter.name: _plain(parameter.value) for parameter in parameters if parameter.name in names}
-    return settings_from({**asdict(settings), **changes}, robot) if changes else None
+class ChangingSettings:
+    """The settings of a node in force; they change by its parameter services, in one call and as a whole."""
+
+    def __init__(
+        self, node: Node, later: Later, settings: Settings, robot: Robot, apply: Callable[[Settings], None]
+    ) -> None:
+        """settings: checked. apply: called with checked settings when they come into force."""
+        self.now = settings
+        self._robot, self._apply = robot, apply
+        self._looked: tuple[Settings, list[str]] = settings, []
+        """The settings that were looked into last, and their faults."""
+        node.add_on_set_parameters_callback(self._check)
+        node.add_post_set_parameters_callback(self._set)
+        for service in node.services:
+            if service.srv_type is SetParameters:
+                later.serve(service, _one_by_one(service.callback, self._look))
+            elif service.srv_type is SetParametersAtomically:
+                later.serve(service, _at_once(service.callback, self._look))
+
+    def _wanted(self, parameters: list[Parameter]) -> Settings:
+        """The settings with some parameters replaced, each valid, not looked into. Raises InvalidSettings."""
+        changes = {parameter.name: _plain(parameter.value) for parameter in parameters if parameter.name in NAMES}
+        return completed({**asdict(self.now), **changes}, self._robot) if changes else self.now
+
+    def _look(self, messages: list[Any]) -> Steps:
+        """Look into the settings that a call asks for. While that takes its time another call may change those in
+        force: then it is done again."""
+        parameters = [Parameter.from_parameter_msg(message) for message in messages]
+        try:
+            while (wanted := self._wanted(parameters)) not in (self.now, self._looked[0]):
+                try:
+                    faults = yield Task(contradictions, (wanted, self._robot.mechanism))
+                except WorkerError as error:
+                    faults = [f"nobody could tell whether the robot can be stopped: {error}"]
+                self._looked = wanted, faults
+        except InvalidSettings:
+            pass  # the set call says so
+
+    def _check(self, parameters: list[Parameter]) -> SetParametersResult:
+        try:
+            wanted = self._wanted(parameters)
+        except InvalidSettings as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        looked, faults = self._looked
+        if wanted == self.now:
+            faults = []
+        elif wanted != looked:  # set from within this process, where nobody could look before
+            faults = contradictions(wanted, self._robot.mechanism)
+        return SetParametersResult(successful=not faults, reason="; ".join(faults))
+
+    def _set(self, parameters: list[Parameter]) -> None:
+        if any(parameter.name in NAMES for parameter in parameters):
+            settings = self._wanted(parameters)
+            self._apply(settings)
+            self.now = settings
+
+
+Call = Callable[[Any, Any], Any]
+"""A callback of rclpy's parameter services."""
+
+
+def _one_by_one(set_parameters: Call, look: Callable[[list[Any]], Steps]) -> Callable[[Any, Any], Steps]:
+    def answer(request: SetParameters.Request, response: SetParameters.Response) -> Steps:
+        for parameter in request.parameters:
+            yield from look([parameter])
+            set_parameters(SetParameters.Request(parameters=[parameter]), response)
+        return response
+
+    return answer
+
+
+def _at_once(set_parameters: Call, look: Callable[[list[Any]], Steps]) -> Callable[[Any, Any], Steps]:
+    def answer(request: SetParametersAtomically.Request, response: SetParametersAtomically.Response) -> Steps:
+        yield from look(request.parameters)
+        return set_parameters(request, response)
+
+    return answer
 
 
 def _plain(value: Any) -> Any:

@@ -21,11 +21,10 @@ from trajectory_msgs.msg import JointTrajectory
 from irsbot_msgs_py.cdr import CdrError, decode_string
 from irsbot_msgs_py.convert import health_msg
 from irsbot_msgs_py.health import RecorderHealth, RecorderState
-from irsbot_msgs_py.records import Configure
 from irsbot_msgs_py.shell import FAILED, UsageError, run
 from irsbot_supervisor.blackbox import BlackBox, Kept, StopWatch
 from irsbot_supervisor.core.settings import Settings
-from irsbot_supervisor.journal import JournalError, read_entry
+from irsbot_supervisor.journal import Configuration, JournalError, read_entry
 from irsbot_supervisor.mcap_writer import BagError
 from irsbot_supervisor.nodes.taps import Source, Taken, Taps
 from irsbot_supervisor.tape import TapeWriter, installed_topic
@@ -137,7 +136,7 @@ class RecorderNode(Node):
         """The configuration also goes into the file as YAML, for readers that do not know the journal."""
         try:
             entry = read_entry(decode_string(message.data))
-            if isinstance(entry, Configure):
+            if isinstance(entry, Configuration):
                 values = {"settings": entry.values, "machine": entry.machine}
                 self._tape.add_configuration(values, Settings(**entry.values).config_hash, message.received_ns)
         except (CdrError, JournalError, TypeError) as error:  # TypeError: settings of another version

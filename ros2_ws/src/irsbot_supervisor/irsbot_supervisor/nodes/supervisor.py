@@ -5,14 +5,14 @@ from __future__ import annotations
 import sys
 import time
 from dataclasses import asdict
+from typing import Any
 
 from irsbot_msgs.msg import SingularityState
 from irsbot_msgs.msg import Verdict as VerdictMsg
-from irsbot_msgs.srv import CheckTrajectory, ResetStop
-from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from irsbot_msgs.srv import BypassStop, CheckTrajectory, ResetStop
+from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.timer import Timer
@@ -20,17 +20,19 @@ from std_msgs.msg import String
 
 from irsbot_kinematics import KinematicsError
 from irsbot_msgs_py.cdr import encode_state, encode_verdict
-from irsbot_msgs_py.records import Configure, Reset, Tick, Verdict
+from irsbot_msgs_py.records import Bypass, Reset, Tick, Verdict
 from irsbot_msgs_py.shell import run
-from irsbot_supervisor.core.pipeline import Event, Step, Supervisor
-from irsbot_supervisor.core.settings import InvalidSettings
-from irsbot_supervisor.journal import configured, write_entry
-from irsbot_supervisor.nodes.check import checked, refused
+from irsbot_supervisor.core.motion import BadTrajectory
+from irsbot_supervisor.core.pipeline import Configure, Event, Step, Supervisor
+from irsbot_supervisor.core.settings import InvalidSettings, Settings
+from irsbot_supervisor.journal import Entry, configured, write_entry
+from irsbot_supervisor.nodes.check import answered, asked, refused
 from irsbot_supervisor.nodes.diagnostics import DiagnosticsPublisher
 from irsbot_supervisor.nodes.gate import CommandGate
+from irsbot_supervisor.nodes.later import Later, Steps
 from irsbot_supervisor.nodes.lifecycle import answer_every_request
 from irsbot_supervisor.nodes.markers import MarkersPublisher
-from irsbot_supervisor.nodes.parameters import changed_settings, declare_settings
+from irsbot_supervisor.nodes.parameters import ChangingSettings, declare_settings
 from irsbot_supervisor.nodes.partners import Partners
 from irsbot_supervisor.nodes.samples import Samples
 
@@ -72,8 +74,10 @@ class SupervisorNode(LifecycleNode):
             self.declare_parameter(name, default, ParameterDescriptor(description=text, read_only=True)).value
             for name, (default, text) in PARAMETERS.items()
         )
-        self._settings, self._robot = declare_settings(self)
-        self._supervisor = Supervisor(self._settings, self._robot)
+        settings, self._robot = declare_settings(self)
+        self._supervisor = Supervisor(settings, self._robot)
+        self._later = Later(self, self._fail)
+        self._changing = ChangingSettings(self, self._later, settings, self._robot, self._apply)
         self._active = False
         self._told = 0  # event of the last stop that the log knows
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -82,11 +86,11 @@ class SupervisorNode(LifecycleNode):
         self._samples = Samples(self, INLET, self._step)
         self._diagnostics = DiagnosticsPublisher(self, self._supervisor, Partners(self), self._samples, self._fail)
         self._markers = MarkersPublisher(self, self._robot, self._supervisor, self._frame, self._fail)
-        self._gate = CommandGate(self, self._settings, self._robot, self._supervisor, self._fail)
+        self._gate = CommandGate(self, settings, self._robot, self._supervisor, self._fail)
         self.create_service(ResetStop, "~/reset", self._on_reset, qos_profile=REQUESTS)
-        self.create_service(CheckTrajectory, "~/check_trajectory", self._on_check, qos_profile=REQUESTS)
-        self.add_on_set_parameters_callback(self._check_parameters)
-        self.add_post_set_parameters_callback(self._apply_parameters)
+        self.create_service(BypassStop, "~/bypass", self._on_bypass, qos_profile=REQUESTS)
+        check = self.create_service(CheckTrajectory, "~/check_trajectory", _served_later, qos_profile=REQUESTS)
+        self._later.serve(check, self._on_check)
         if autostart:
             self.trigger_configure()
             self.trigger_activate()
@@ -99,9 +103,9 @@ class SupervisorNode(LifecycleNode):
         self._states = self._speaking(SingularityState, "~/state", STREAM)
         self._verdicts = self._speaking(VerdictMsg, "~/verdict", LATCHED)
         self._journal = self._speaking(String, "~/journal", JOURNAL)
-        self._start_heart()
+        self._start_heart(self._settings)
         self._active = True
-        self._configure()
+        self._configure(self._settings)
         self._samples.open()
         self._gate.open()
         self.get_logger().info(f"supervising {self._robot.name}, settings {self._settings.config_hash}")
@@ -127,6 +131,7 @@ class SupervisorNode(LifecycleNode):
         """Called by the shell before the node is destroyed."""
         self._fall_silent()
         self._gate.end()
+        self._later.close()
 
     def destroy_node(self) -> None:
         """With the state machine, which holds on to the node and rclpy forgets: else it stays in the graph."""
@@ -149,10 +154,10 @@ class SupervisorNode(LifecycleNode):
             self.destroy_publisher(publisher)
         self._speech = []
 
-    def _start_heart(self) -> None:
+    def _start_heart(self, settings: Settings) -> None:
         """On the steady clock: simulated time may stand still, and the heart must not."""
         self._stop_heart()
-        self._heart = self.create_timer(self._settings.heartbeat_s, self._on_tick, clock=self._steady)
+        self._heart = self.create_timer(settings.heartbeat_s, self._on_tick, clock=self._steady)
 
     def _stop_heart(self) -> None:
         if self._heart is not None:
@@ -172,27 +177,41 @@ class SupervisorNode(LifecycleNode):
             response.message = INACTIVE
             return response
         reset = Reset(*self._now(), request.event, request.operator_text, tuple(request.seed_pose))
-        self._note(reset)
-        step = self._step(reset)
-        response.accepted = step is not None and not step.refusal
-        response.message = step.refusal if step is not None else "an error occurred inside the supervisor"
-        if response.accepted:
-            self.get_logger().info(f"reset of event {request.event}: accepted")
-        else:
-            text = f"reset of event {request.event}: {response.message}"
-            self.get_logger().info(text, throttle_duration_sec=1.0)  # whoever asks without end gets answers, not lines
+        response.accepted, response.message = self._wish(reset, f"reset of event {request.event}")
         return response
 
-    def _on_check(
-        self, request: CheckTrajectory.Request, response: CheckTrajectory.Response
-    ) -> CheckTrajectory.Response:
-        """Only while the robot stands: a long answer delays the heartbeat, and a consumer then brakes."""
+    def _on_bypass(self, request: BypassStop.Request, response: BypassStop.Response) -> BypassStop.Response:
+        if not self._active:
+            response.message = INACTIVE
+            return response
+        given = request.event, request.cause, request.duration_s, request.operator_name, request.reason
+        what = f"bypass of cause {request.cause} of event {request.event} for {request.duration_s:g} s"
+        what += f" by {request.operator_name!r}, {request.reason!r}"
+        response.accepted, response.message = self._wish(Bypass(*self._now(), *given), what)
+        return response
+
+    def _wish(self, wish: Reset | Bypass, what: str) -> tuple[bool, str]:
+        """What an operator wants, noted before it is judged: whether it was accepted, and why not."""
+        self._note(wish)
+        step = self._step(wish)
+        accepted = step is not None and not step.refusal
+        message = step.refusal if step is not None else "an error occurred inside the supervisor"
+        if accepted:
+            self.get_logger().info(f"{what}: accepted")
+        else:  # whoever asks without end gets answers, not lines
+            self.get_logger().info(f"{what}: {message}", throttle_duration_sec=1.0)
+        return accepted, message
+
+    def _on_check(self, request: CheckTrajectory.Request, response: CheckTrajectory.Response) -> Steps:
+        """Only while the robot stands: a moving one has left where the motion begins when the answer comes."""
         if not self._active:
             return refused(response, INACTIVE)
         if not self._supervisor.standing:
             return refused(response, "the robot is moving, or its state is not known: ask while it stands")
         try:
-            return checked(self._robot, self._settings, request, response)
+            return answered((yield asked(self._robot, self._settings, request)), response)
+        except BadTrajectory as error:
+            return refused(response, str(error))
         except Exception as error:
             self._fail(error)
             return refused(CheckTrajectory.Response(), f"an error occurred inside the supervisor: {error}")
@@ -235,42 +254,42 @@ class SupervisorNode(LifecycleNode):
 
     # --- parameters --------------------------------------------------------------------------------------------
 
-    def _check_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
-        try:
-            changed_settings(self._settings, self._robot, parameters)
-        except InvalidSettings as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        return SetParametersResult(successful=True)
+    @property
+    def _settings(self) -> Settings:
+        return self._changing.now
 
-    def _apply_parameters(self, parameters: list[Parameter]) -> None:
-        settings = changed_settings(self._settings, self._robot, parameters)
-        if settings is None:
-            return
+    def _apply(self, settings: Settings) -> None:
+        """Checked settings come into force."""
         was, now = asdict(self._settings), asdict(settings)
         changes = ", ".join(f"{name} {was[name]!r} -> {now[name]!r}" for name in now if now[name] != was[name])
-        self._settings = settings
         self.get_logger().info(f"settings {settings.config_hash}: {changes or 'as before'}")
         self._gate.configure(settings)
         if self._active:
-            self._configure()
-            self._start_heart()
+            self._configure(settings)
+            if settings.heartbeat_s != self._settings.heartbeat_s:
+                self._start_heart(settings)
 
-    def _configure(self) -> None:
+    def _configure(self, settings: Settings) -> None:
         """The settings come into force; before the first sample, silence counts from here."""
-        change = configured(self._settings, self._robot, *self._now())
-        self._note(change)
-        self._step(change)
+        now = self._now()
+        self._note(configured(settings, self._robot, *now))
+        self._step(Configure(*now, settings))
 
-    def _note(self, event: Configure | Reset) -> None:
-        self._journal.publish(String(data=write_entry(event)))
+    def _note(self, entry: Entry) -> None:
+        self._journal.publish(String(data=write_entry(entry)))
 
     def _now(self) -> tuple[int, int]:
         return self.get_clock().now().nanoseconds, time.monotonic_ns()
 
 
+def _served_later(request: Any, response: Any) -> Any:
+    """In the place of a callback, until `Later` serves the service."""
+    raise NotImplementedError
+
+
 def main() -> None:
     """Entry point of `ros2 run irsbot_supervisor supervisor_node`."""
-    sys.exit(run(SupervisorNode, usage_errors=(InvalidSettings, KinematicsError)))
+    sys.exit(run(SupervisorNode, usage_errors=(InvalidSettings, KinematicsError), log="supervisor"))
 
 
 if __name__ == "__main__":

@@ -11,9 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from irsbot_kinematics.arithmetic import Array
-from irsbot_msgs_py.records import Cause, Configure, Level, SingularityState
+from irsbot_msgs_py.records import Cause, Level, SingularityState
 from irsbot_supervisor.core.intake import S
 from irsbot_supervisor.core.policy import KINDS, WORDS
+from irsbot_supervisor.journal import Configuration
 from irsbot_supervisor.outcome import NAMES, Outcome, margin_of, spans_heard
 from irsbot_supervisor.replay import SILENCE_NS, Recording
 
@@ -29,7 +30,7 @@ def draw_run(recording: Recording, found: Outcome, target: Path) -> None:
     states = [state for state in recording.states if isfinite(state.type2_margin)]
     if not states:
         return
-    settings = next((entry.values for entry in recording.journal if isinstance(entry, Configure)), {})
+    settings = next((entry.values for entry in recording.journal if isinstance(entry, Configuration)), {})
     times = np.array([state.stamp_ns - found.begin_ns for state in states]) / S
     end_ns = max(recording.samples[-1].stamp_ns, states[-1].stamp_ns)
     figure = Figure(figsize=(10.0, 6.0), layout="constrained")

@@ -29,7 +29,9 @@ def fake_robot_of(name: str) -> Robot:
 
 
 if __name__ == "__main__":
+    from fake_failing_mechanism import fake_robot_of as importable  # by its worker process, too
+
     from irsbot_supervisor.nodes.supervisor import main  # needs ROS 2, the fake does not
 
-    irsbot_supervisor.settings_file.robot_of = fake_robot_of
+    irsbot_supervisor.settings_file.robot_of = importable
     sys.exit(main())

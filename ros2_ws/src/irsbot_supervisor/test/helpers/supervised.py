@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import irsbot_kinematics as irs
-from irsbot_msgs_py.records import Configure, Floats, JointSample, Reset, Tick
-from irsbot_supervisor.core.pipeline import Event, Step, Supervisor
+from irsbot_msgs_py.records import Floats, JointSample, Reset, Tick
+from irsbot_supervisor.core.limits import settings_from
+from irsbot_supervisor.core.pipeline import Configure, Event, Step, Supervisor
 from irsbot_supervisor.core.settings import Settings
-from irsbot_supervisor.journal import configured
 from irsbot_supervisor.replay import Chapter
 from irsbot_supervisor.settings_file import read_settings, robot_of, shipped_values
 
@@ -76,8 +77,7 @@ def reset(ms: float, event: int) -> Reset:
 
 def configure(ms: float, supervisor: Supervisor, **changes: Any) -> Configure:
     """The event that changes some settings."""
-    event = configured(supervisor.settings, supervisor.robot, *at_ns(ms))
-    return event._replace(values={**event.values, **changes})
+    return Configure(*at_ns(ms), settings_from({**asdict(supervisor.settings), **changes}, supervisor.robot))
 
 
 def resting(begin_ms: int, end_ms: int, position: Floats) -> list[JointSample]:

@@ -1,0 +1,67 @@
+"""Services whose answers take long: a worker process computes them, and the executor goes on meanwhile.
+
+rclpy sends what a callback returns as soon as it returns, and its EventsExecutor awaits no coroutine. So the callback
+is a generator: it yields tasks, is sent their results, and returns the response, which is sent then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from functools import partial
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.service import Service
+
+from irsbot_supervisor.nodes.guard import Fail
+from irsbot_supervisor.worker import Task, Worker, WorkerError
+
+Steps = Generator[Task, Any, Any]
+"""Yields tasks, is sent their results (a WorkerError is thrown in), returns the response."""
+
+
+class Later:
+    """Runs generators on the executor's thread, from one result of the worker to the next."""
+
+    def __init__(self, node: Node, fail: Fail) -> None:
+        """fail: told of errors in generators; the client then gets an empty response."""
+        self._node, self._fail, self._worker = node, fail, Worker()
+
+    def serve(self, service: Service, callback: Callable[[Any, Any], Steps]) -> None:
+        """Let a service answer by generators of request and response."""
+        send = service.send_response
+
+        def answer(steps: Any, header: Any) -> None:
+            self._go_on(steps, partial(self._reply, service, send, header), partial(next, steps))
+
+        service.callback, service.send_response = callback, answer
+
+    def close(self) -> None:
+        """Whoever waits gets no answer."""
+        self._worker.close()
+
+    def _go_on(self, steps: Steps, reply: Callable[[Any], None], advance: Callable[[], Task]) -> None:
+        """Until the next task, or to the end."""
+        try:
+            task = advance()
+        except StopIteration as end:
+            reply(end.value)
+            return
+        except Exception as error:
+            self._fail(error)
+            reply(None)
+            return
+
+        def done(result: Any, error: WorkerError | None) -> None:
+            """In the worker's thread: the rest is for the executor's."""
+            again = partial(steps.throw, error) if error is not None else partial(steps.send, result)
+            if (executor := self._node.executor) is not None:
+                executor.create_task(self._go_on, steps, reply, again)
+
+        self._worker.submit(task, done)
+
+    def _reply(self, service: Service, send: Callable[[Any, Any], None], header: Any, response: Any) -> None:
+        try:
+            send(response if response is not None else service.srv_type.Response(), header)
+        except Exception as error:  # a client that is gone, or a service that is
+            self._node.get_logger().warning(f"{service.srv_name}: no answer sent: {error}", throttle_duration_sec=1.0)
