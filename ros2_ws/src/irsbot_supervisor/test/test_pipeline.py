@@ -105,6 +105,22 @@ def test_a_verdict_comes_with_every_change_and_at_least_every_heartbeat():
     assert stopped.verdict.level == Level.UNKNOWN
 
 
+@pytest.mark.parametrize("early_ms", [0.0, 0.2, 3.0])
+def test_no_tick_of_the_timer_is_dropped_for_coming_early(early_ms: float):
+    """Timers keep their average period: a tick that was late is followed by one that seems early."""
+    supervisor, _q = ready()
+    due = [HEARTBEAT_MS * number - early_ms * (number % 2) for number in range(1, 40)]
+    spoken = [ms for ms in due if supervisor.step(tick(ms)).verdict is not None]
+    assert spoken == due
+
+
+def test_a_tick_repeats_no_verdict_that_was_spoken_just_now():
+    supervisor, _q = ready()
+    assert supervisor.step(sample(100.0, (nan, nan))).verdict is not None
+    assert supervisor.step(tick(100.5)).verdict is None
+    assert supervisor.step(tick(102.0)).verdict is not None
+
+
 def test_verdicts_are_numbered_and_carry_the_hash_of_the_settings():
     supervisor, q = ready()
     verdicts = [step.verdict for step in feed(supervisor, resting(0, 100, q)) if step.verdict is not None]

@@ -37,6 +37,10 @@ from irsbot_supervisor.core.settings import InvalidSettings, Settings, settings_
 
 Event = JointSample | Tick | Reset | Configure
 
+JUST_NOW = 0.1
+"""1: share of the heartbeat. A verdict younger than this need not be repeated at a tick; so silence is at most 1.1
+heartbeats long."""
+
 
 class Step(NamedTuple):
     """What an event leads to: each part None where there is nothing to publish."""
@@ -84,7 +88,7 @@ class Supervisor:
             changed = True
         elif isinstance(event, Reset):
             refusal = self._reset(event)
-        verdict = self._speak(event.seen_ns, changed or bool(latch.turns))
+        verdict = self._speak(event, changed or bool(latch.turns))
         return Step(state, verdict, refusal, tuple(latch.turns))
 
     def _set(self, settings: Settings) -> None:
@@ -268,10 +272,11 @@ class Supervisor:
         size = sqrt(sum([s * s for s in slope]))
         return tuple([s / size for s in slope]) if 0.0 < size < inf else ()
 
-    def _speak(self, seen_ns: int, changed: bool) -> Verdict | None:
-        if not changed and seen_ns - self._spoken_ns < self._heartbeat_ns:
-            return None
-        return self._verdict(seen_ns)
+    def _speak(self, event: Event, changed: bool) -> Verdict | None:
+        """Every tick is a heartbeat, also one that comes a little early: else the next would be nearly twice as late.
+        """
+        rest_ns = round(JUST_NOW * self._heartbeat_ns) if isinstance(event, Tick) else self._heartbeat_ns
+        return self._verdict(event.seen_ns) if changed or event.seen_ns - self._spoken_ns >= rest_ns else None
 
     def _verdict(self, seen_ns: int) -> Verdict:
         self._verdicts += 1
