@@ -7,12 +7,14 @@ be certified; that happens in a thread of its own, so that samples and heartbeat
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from enum import Enum, auto
 from queue import SimpleQueue
 from threading import Lock, Thread
 from typing import Any
 
 from builtin_interfaces.msg import Duration
+from rclpy.duration import Duration as Span
 from rclpy.lifecycle import LifecycleNode
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -21,6 +23,7 @@ from irsbot_kinematics import Robot
 from irsbot_msgs_py.records import Level
 from irsbot_msgs_py.stamps import NS_PER_S, sec_nanosec
 from irsbot_supervisor.core.gate import Gate, View
+from irsbot_supervisor.core.hold import hold
 from irsbot_supervisor.core.motion import BadTrajectory, Command, JointPath
 from irsbot_supervisor.core.motion_gate import MotionGate, Situation
 from irsbot_supervisor.core.pipeline import Supervisor
@@ -38,6 +41,19 @@ LONGEST_NS = 2**31 * NS_PER_S
 END_S = 1.0
 """Longest that the end of the node waits for a command that is being looked at."""
 
+HEARD_S = 0.2
+"""Longest that the end of the node waits until its last words have arrived: those of a node that is gone never do."""
+
+
+class Owed(Enum):
+    """What the drives still have to be told."""
+
+    NOTHING = auto()
+    HOLD = auto()  # as soon as it is known where the robot is: what runs was let through before, by whomever
+    HOLD_AT_REST = (
+        auto()
+    )  # where the robot stands, once it does: brakes may have brought it elsewhere than the hold says
+
 
 class CommandGate:
     """Lets commands pass while it is open."""
@@ -50,8 +66,11 @@ class CommandGate:
         self._gate = Gate(settings, robot.mechanism)
         self.configure(settings)
         self._wanted: tuple[tuple[float, ...], int] | None = None  # commanded rates, and when
+        self._moving = False  # whether the last rates that were let through were other than zeros
+        self._known: View | None = None  # the last time that the state of the robot was known
         self._stops = 0  # how often the level has risen to STOP or UNKNOWN
         self._stopped = True
+        self._owed = Owed.NOTHING
         self._open = False
         self._out = Lock()  # held by whoever says something, so that nothing follows a hold that was known before
         self._work: SimpleQueue[tuple[Command, Situation, int] | None] = SimpleQueue()
@@ -72,11 +91,17 @@ class CommandGate:
     def open(self) -> None:
         """From now on commands count, and nothing of what was before: the robot may be elsewhere."""
         self._gate = Gate(self._settings, self._robot.mechanism)
+        self._known, self._owed = None, Owed.HOLD
         self._open = self._stopped = True
 
     def close(self) -> None:
-        """No command passes, not even one that is being looked at."""
+        """No command passes, not even one that is being looked at. The last words are zeros and a hold: a controller
+        keeps the last rates, and follows the last motion, as long as nobody says otherwise."""
         with self._out:
+            if self._open and self._moving:
+                self._publish_rates((0.0,) * len(self._settings.joint_names))
+            if self._open:
+                self._publish_hold()
             self._open, self._wanted = False, None
             self._stops += 1
 
@@ -85,6 +110,8 @@ class CommandGate:
         self._drop()
         self._work.put(None)
         self._worker.join(END_S)
+        for publisher in (self._velocities, self._trajectories):
+            publisher.wait_for_all_acked(Span(seconds=HEARD_S))
 
     def beat(self, seen_ns: int) -> None:
         """With every heartbeat: velocities again, and a hold when a stop has come."""
@@ -101,20 +128,33 @@ class CommandGate:
         return guarded
 
     def _beat(self, seen_ns: int) -> None:
-        view = self._supervisor.view
+        view = self._look()
         stopped = view is None or view.judgement.level >= Level.STOP
         if stopped and not self._stopped:
             with self._out:
                 self._stops += 1
-                self._trajectories.publish(self._message(None))
+                self._publish_hold()
+        elif view is not None and self._owed == Owed.HOLD:
+            with self._out:
+                self._publish_hold()
+        elif view is not None and self._owed == Owed.HOLD_AT_REST and self._supervisor.standing:
+            with self._out:
+                self._publish_hold()
+                self._owed = Owed.NOTHING
         self._stopped = stopped
         if self._wanted is not None:
             self._pass_velocity(view, seen_ns)
 
+    def _look(self) -> View | None:
+        """What is known of the robot now."""
+        view = self._supervisor.view
+        self._known = view or self._known
+        return view
+
     def _on_velocity(self, message: Float64MultiArray) -> None:
         now_ns = time.monotonic_ns()
         self._wanted = tuple(message.data), now_ns
-        self._pass_velocity(self._supervisor.view, now_ns)
+        self._pass_velocity(self._look(), now_ns)
 
     def _pass_velocity(self, view: View | None, now_ns: int) -> None:
         assert self._wanted is not None
@@ -122,12 +162,16 @@ class CommandGate:
         if now_ns - since_ns > self._timeout_ns:
             wanted, self._wanted = (0.0,) * len(self._settings.joint_names), None
         allowed = self._gate.velocity(wanted, view and view.aged(now_ns))
-        self._velocities.publish(Float64MultiArray(data=list(allowed.rates)))
+        self._publish_rates(allowed.rates)
         if allowed.text:
             self._node.get_logger().info(f"velocity command: {allowed.text}", throttle_duration_sec=1.0)
 
+    def _publish_rates(self, rates: Sequence[float]) -> None:
+        self._velocities.publish(Float64MultiArray(data=list(rates)))
+        self._moving = any(rates)
+
     def _on_trajectory(self, message: JointTrajectory) -> None:
-        view = self._supervisor.view
+        view = self._look()
         try:
             command = command_of(message, self._settings.joint_names)
         except BadTrajectory as error:
@@ -150,36 +194,59 @@ class CommandGate:
         """The thread: one command after another, until there is None."""
         while (task := self._work.get()) is not None:
             command, situation, stops = task
+            motion = None
             try:
                 path, text = self._motions.motion(command, situation)
-                motion = self._message(path)
+                motion = None if path is None else self._message(path)
             except Exception as error:  # an error inside holds the robot
-                motion, text = self._message(None), f"held: {type(error).__name__}: {error}"
+                text = f"held: {type(error).__name__}: {error}"
             with self._out:
                 if not self._open:
                     continue
                 if stops != self._stops:
-                    motion, text = self._message(None), "held: a stop came while the motion was looked at"
-                self._trajectories.publish(motion)
+                    motion, text = None, "held: a stop came while the motion was looked at"
+                if motion is None:
+                    self._publish_hold()
+                else:
+                    self._trajectories.publish(motion)
+                    self._owed = Owed.NOTHING
             if text:
                 self._node.get_logger().info(f"trajectory command: {text}")
 
     def _hold(self, text: str) -> None:
         with self._out:
-            self._trajectories.publish(self._message(None))
+            self._publish_hold()
         self._node.get_logger().warning(f"trajectory command: held: {text}")
 
-    def _message(self, path: JointPath | None) -> JointTrajectory:
-        """A motion, without its first point, which is where the robot is; a message without points means hold. Raises
-        BadTrajectory if it takes longer than messages can say."""
+    def _publish_hold(self) -> None:
+        """One point at rest: a message without points is refused by controllers, which go on with what they have.
+        Nothing where nothing is known: nothing has been let through then. `_out` is held."""
+        known, settings = self._known, self._settings
+        if known is None:
+            return
+        age_s = (time.monotonic_ns() - known.seen_ns) / NS_PER_S
+        after_s, position = hold(
+            known.at.joints,
+            known.velocity,
+            settings.deceleration_limit,
+            age_s,
+            settings.latency_s,
+            settings.heartbeat_s,
+        )
+        rest = (0.0,) * len(position)
+        self._trajectories.publish(self._message(JointPath((0.0, after_s), (position, position), (rest, rest))))
+        self._owed = Owed.HOLD_AT_REST
+
+    def _message(self, path: JointPath) -> JointTrajectory:
+        """A motion, without its first point, which is where the robot is. Raises BadTrajectory if it takes longer than
+        messages can say."""
         message = JointTrajectory(joint_names=list(self._settings.joint_names))
-        if path is not None:
-            for after_s, position, velocity in list(zip(path.times, path.positions, path.velocities, strict=True))[1:]:
-                after_ns = round(after_s * NS_PER_S)
-                if not after_ns < LONGEST_NS:
-                    raise BadTrajectory(f"slowed down to what is allowed it takes {after_s:.3g} s")
-                sec, nanosec = sec_nanosec(after_ns)
-                point = JointTrajectoryPoint(positions=list(position), velocities=list(velocity))
-                point.time_from_start = Duration(sec=sec, nanosec=nanosec)
-                message.points.append(point)
+        for after_s, position, velocity in list(zip(path.times, path.positions, path.velocities, strict=True))[1:]:
+            after_ns = round(after_s * NS_PER_S)
+            if not after_ns < LONGEST_NS:
+                raise BadTrajectory(f"slowed down to what is allowed it takes {after_s:.3g} s")
+            sec, nanosec = sec_nanosec(after_ns)
+            point = JointTrajectoryPoint(positions=list(position), velocities=list(velocity))
+            point.time_from_start = Duration(sec=sec, nanosec=nanosec)
+            message.points.append(point)
         return message
