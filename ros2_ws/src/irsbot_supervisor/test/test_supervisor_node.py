@@ -11,8 +11,10 @@ import time
 from collections.abc import Callable, Iterator
 from itertools import count
 from pathlib import Path
+from typing import Any
 
 import pytest
+import yaml
 
 pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
@@ -22,7 +24,10 @@ from diagnostic_msgs.msg import DiagnosticArray
 from irsbot_msgs.msg import Verdict as VerdictMessage
 from irsbot_msgs.srv import CheckTrajectory
 from lifecycle_msgs.msg import Transition
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
 from rclpy.duration import Duration
+from rclpy.parameter import get_parameter_value, parameter_dict_from_yaml_file, parameter_value_to_python
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.utilities import get_rmw_implementation_identifier
 from rosgraph_msgs.msg import Clock
@@ -169,6 +174,58 @@ def test_a_change_of_parameters_is_refused_as_a_whole_or_comes_into_force_as_a_w
     warned = cell.heard_level(Level.WARN)
     assert warned.causes == Cause.TYPE2
     assert cell.set(type1_stop=0.15, type1_warn=0.25, type2_warn=0.25) == (True, "")
+
+
+def test_what_the_ros2_tools_make_of_a_dump_is_accepted_and_changes_nothing(cell: Cell, tmp_path: Path):
+    """`ros2 param dump` writes values as YAML, `ros2 param load` guesses types with rclpy's own functions."""
+    names = cell.call(ListParameters, "supervisor/list_parameters", ListParameters.Request()).result.names
+    request = GetParameters.Request(names=names)
+
+    def values() -> dict[str, Any]:
+        return dict(zip(names, cell.call(GetParameters, "supervisor/get_parameters", request).values, strict=True))
+
+    before, plain = values(), {}
+    for name, value in before.items():
+        python = parameter_value_to_python(value)
+        plain[name] = python if isinstance(python, (str, int, float)) else list(python)
+    file = tmp_path / "dump.yaml"
+    file.write_text(yaml.dump({"/supervisor": {"ros__parameters": plain}}, default_flow_style=False))
+    loaded = parameter_dict_from_yaml_file(str(file))
+    answer = cell.call(
+        SetParameters, "supervisor/set_parameters", SetParameters.Request(parameters=list(loaded.values()))
+    )
+    refused = [r.reason for r in answer.results if not r.successful and "read-only" not in r.reason]
+    assert refused == []
+    assert values() == before
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "kept"),
+    [
+        ("reaction_check", "off", "none"),
+        ("reaction_check", "none", "none"),
+        ("load_force_n", "10", 10.0),
+        ("encoder_resolution", "1e-05", 1e-5),
+        ("velocity_limit", "[12, 12]", [12.0, 12.0]),
+    ],
+)
+def test_what_the_ros2_tools_make_of_a_typed_value_is_accepted(cell: Cell, name: str, text: str, kept: Any):
+    request = SetParameters.Request(parameters=[ParameterMessage(name=name, value=get_parameter_value(text))])
+    (result,) = cell.call(SetParameters, "supervisor/set_parameters", request).results
+    assert (result.successful, result.reason) == (True, "")
+    (value,) = cell.call(GetParameters, "supervisor/get_parameters", GetParameters.Request(names=[name])).values
+    found = parameter_value_to_python(value)
+    assert (found if isinstance(found, (str, float)) else list(found)) == kept
+
+
+@pytest.mark.parametrize(
+    ("name", "text"), [("latency_s", "soon"), ("latency_s", "nan"), ("reaction_check", "true"), ("dwell_s", "true")]
+)
+def test_a_typed_value_that_means_nothing_is_refused(cell: Cell, name: str, text: str):
+    request = SetParameters.Request(parameters=[ParameterMessage(name=name, value=get_parameter_value(text))])
+    (result,) = cell.call(SetParameters, "supervisor/set_parameters", request).results
+    assert not result.successful
+    assert result.reason
 
 
 def test_a_latched_stop_survives_a_change_of_settings_and_ends_by_the_right_reset_alone(wire: Wire):

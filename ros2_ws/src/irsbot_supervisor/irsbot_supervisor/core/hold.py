@@ -35,8 +35,8 @@ def hold(
 
     From rate v a cubic takes a share u = way / (v T) of the way that v would take in its time T. It brakes from
     (4 - 6u) v/T to (6u - 2) v/T. A message that comes c after now leaves u = 1/2 + (L/2 - c)/T of a way v (T + L)/2, so
-    that u is within 1/2 +- L/(2T) for every c in 0..L, and nothing exceeds (1 + 3L/T) v/T. With t = v/d this is within d
-    if T^2 - t T - 3 L t >= 0. Both ends brake, and nothing turns round, if T >= 3 L.
+    that u is within 1/2 +- L/(2T) for every c in 0..L, and nothing exceeds (1 + 3L/T) v/T. With t = v/d this is within
+    d if T^2 - t T - 3 L t >= 0. Both ends brake, and nothing turns round, if T >= 3 L.
     """
     rates = [rate if isfinite(rate) else 0.0 for rate in velocity]
     stops = [abs(rate) / limit for rate, limit in zip(rates, deceleration, strict=True)]

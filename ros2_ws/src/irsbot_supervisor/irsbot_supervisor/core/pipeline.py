@@ -273,7 +273,7 @@ class Supervisor:
         return tuple([s / size for s in slope]) if 0.0 < size < inf else ()
 
     def _speak(self, event: Event, changed: bool) -> Verdict | None:
-        """Every tick is a heartbeat, also one that comes a little early: else the next would be nearly twice as late."""
+        """Every tick is a heartbeat, also one that comes a little early: the next is as far away as usual."""
         rest_ns = round(JUST_NOW * self._heartbeat_ns) if isinstance(event, Tick) else self._heartbeat_ns
         return self._verdict(event.seen_ns) if changed or event.seen_ns - self._spoken_ns >= rest_ns else None
 

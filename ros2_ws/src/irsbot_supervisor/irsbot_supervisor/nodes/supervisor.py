@@ -25,6 +25,7 @@ from irsbot_msgs_py.shell import run
 from irsbot_supervisor.core.pipeline import Event, Step, Supervisor
 from irsbot_supervisor.core.settings import InvalidSettings
 from irsbot_supervisor.journal import configured, write_entry
+from irsbot_supervisor.nodes.as_declared import read_as_declared
 from irsbot_supervisor.nodes.check import checked, refused
 from irsbot_supervisor.nodes.diagnostics import DiagnosticsPublisher
 from irsbot_supervisor.nodes.gate import CommandGate
@@ -85,6 +86,7 @@ class SupervisorNode(LifecycleNode):
         self._gate = CommandGate(self, self._settings, self._robot, self._supervisor, self._fail)
         self.create_service(ResetStop, "~/reset", self._on_reset, qos_profile=REQUESTS)
         self.create_service(CheckTrajectory, "~/check_trajectory", self._on_check, qos_profile=REQUESTS)
+        read_as_declared(self)
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
         if autostart:
