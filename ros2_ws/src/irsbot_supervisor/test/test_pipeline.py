@@ -585,6 +585,27 @@ def test_no_change_of_settings_clears_a_stop():
     assert newest(feed(supervisor, resting(2410, 2600, q))).latched
 
 
+def test_what_a_bad_sample_showed_is_no_reason_any_more_once_nothing_comes():
+    """A joint that was missing five seconds ago: by now nobody speaks at all, and that is the reason."""
+    supervisor, q = ready(dwell_s=0.0)
+    newest(feed(supervisor, [sample(ms, q[:1], names=JOINTS[:1]) for ms in range(100)]))
+    missing = supervisor.step(tick(110)).verdict
+    assert missing is not None
+    assert missing.causes & Cause.NAMES
+    later = supervisor.step(tick(5000)).verdict
+    assert later is not None
+    assert (later.level, later.causes) == (Level.UNKNOWN, Cause.STALE)
+
+
+def test_a_joint_that_was_never_there_is_no_reason_once_nothing_comes():
+    supervisor = supervisor_of(dwell_s=0.0)
+    q = joints_of(supervisor, 0.0, -0.85)
+    feed(supervisor, [sample(ms, q[:1], names=JOINTS[:1]) for ms in range(100)])
+    later = supervisor.step(tick(5000)).verdict
+    assert later is not None
+    assert (later.level, later.causes) == (Level.UNKNOWN, Cause.NO_DATA)
+
+
 def test_an_error_inside_is_unknown_until_a_sample_is_judged_without_one():
     supervisor, q = ready(dwell_s=0.0)
     verdict = supervisor.fail(sample(0, q).seen_ns, "division by zero")

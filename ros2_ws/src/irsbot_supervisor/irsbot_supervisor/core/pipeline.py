@@ -37,6 +37,9 @@ from irsbot_supervisor.core.settings import InvalidSettings, Settings, settings_
 
 Event = JointSample | Tick | Reset | Configure
 
+FOREVER = 2**63
+"""ns: later than any clock."""
+
 JUST_NOW = 0.1
 """1: share of the heartbeat. A verdict younger than this need not be repeated at a tick; so silence is at most 1.1
 heartbeats long."""
@@ -70,6 +73,7 @@ class Supervisor:
         self._at: Posture | None = None  # where the last good sample was
         self._stale = False
         self._found: list[Finding] = []
+        self._found_until_ns = FOREVER  # what a rejected sample showed is no news once nothing comes any more
         self._silence: list[Finding] = []
         self.rejections: dict[Cause, int] = {}
         """Rejected samples by reason."""
@@ -133,6 +137,7 @@ class Supervisor:
 
     def fail(self, seen_ns: int, text: str) -> Verdict:
         """The verdict after an error inside: UNKNOWN, whatever the samples said, until one is judged without error."""
+        self._found_until_ns = FOREVER
         self._found = [Finding(Cause.INTERNAL, Level.UNKNOWN, nan, nan, "", text)]
         self._hold(seen_ns)
         return self._verdict(seen_ns)
@@ -141,7 +146,9 @@ class Supervisor:
         """Silence since the last good sample, noticed now but dated to when it began to count. What the last sample
         showed holds until another shows otherwise."""
         good, latch = self._good, self._latch
-        latch.keep(self._found, seen_ns)
+        latch.keep(self._found, min(seen_ns, self._found_until_ns))
+        if seen_ns > self._found_until_ns:
+            self._found, self._found_until_ns = [], FOREVER
         if good is None:
             text = "no usable sample has arrived"
             self._silence = [Finding(Cause.NO_DATA, Level.UNKNOWN, nan, nan, "", text)]
@@ -183,6 +190,7 @@ class Supervisor:
         lost_track, self._estimator.lost_track = self._estimator.lost_track, ""
         assessment = self._assessor.assess(estimate.position, lost_track)
         at = assessment.at
+        self._found_until_ns = FOREVER
         if at.status != SOLVED:
             self._found = self._policy.judge(estimate, assessment, None, (), 0)
             self._hold(sample.seen_ns)
@@ -204,6 +212,7 @@ class Supervisor:
     def _rejected(self, sample: JointSample, why: Rejected) -> SingularityState:
         self.rejections[why.cause] = self.rejections.get(why.cause, 0) + 1
         if not why.harmless:
+            self._found_until_ns = sample.seen_ns + self._stale_ns
             self._found = [Finding(why.cause, Level.UNKNOWN, nan, nan, "", why.text)]
             self._hold(sample.seen_ns)
         return self._reporter.rejected(sample, self._samples, why.cause)

@@ -9,8 +9,6 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-Type = Parameter.Type
-
 
 def read_as_declared(node: Node) -> None:
     """From now on, before every check of parameters that are set. To be called when all are declared."""
@@ -21,25 +19,25 @@ def read_as_declared(node: Node) -> None:
     node.add_pre_set_parameters_callback(read)
 
 
-def _as(declared: Type, given: Parameter) -> Parameter:
+def _as(declared: Any, given: Parameter) -> Parameter:
     """The same parameter where it is of the declared type, or cannot be read as that."""
     value: Any = given.value
     match declared:
         case given.type_:
             return given
-        case Type.DOUBLE if given.type_ in (Type.INTEGER, Type.STRING):
+        case Parameter.Type.DOUBLE if given.type_ in (Parameter.Type.INTEGER, Parameter.Type.STRING):
             number = _number(value)
             return given if number is None else Parameter(given.name, declared, number)
-        case Type.DOUBLE_ARRAY if given.type_ in (Type.INTEGER_ARRAY, Type.STRING_ARRAY):
+        case Parameter.Type.DOUBLE_ARRAY if given.type_ in (Parameter.Type.INTEGER_ARRAY, Parameter.Type.STRING_ARRAY):
             return _array(given, value)
-        case Type.STRING if value is False:  # the bare word `off`, or `no`
+        case Parameter.Type.STRING if value is False:  # the bare word `off`, or `no`
             return Parameter(given.name, declared, "none")
     return given
 
 
 def _array(given: Parameter, values: Iterable[Any]) -> Parameter:
     numbers = [_number(value) for value in values]
-    return given if None in numbers else Parameter(given.name, Type.DOUBLE_ARRAY, numbers)
+    return given if None in numbers else Parameter(given.name, Parameter.Type.DOUBLE_ARRAY, numbers)
 
 
 def _number(value: Any) -> float | None:

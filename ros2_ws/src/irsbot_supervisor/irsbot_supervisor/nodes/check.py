@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import nan
+from math import inf, nan
 
 from irsbot_msgs.srv import CheckTrajectory
 
@@ -25,9 +25,10 @@ def checked(
         return refused(response, str(error))
     response.violation_time = response.violation_value = response.violation_limit = nan
     response.safe = found.safe
-    response.margin_cause = [int(kind) for kind in KINDS]
-    response.margin_min = [value for value, _time in found.minima]
-    response.margin_min_time = [time for _value, time in found.minima]
+    had = [(kind, *least) for kind, least in zip(KINDS, found.minima, strict=True) if least[0] < inf]
+    response.margin_cause = [int(kind) for kind, _value, _time in had]
+    response.margin_min = [value for _kind, value, _time in had]
+    response.margin_min_time = [time for _kind, _value, time in had]
     violation = found.violation
     response.message = violation.text if violation else ""
     if violation:

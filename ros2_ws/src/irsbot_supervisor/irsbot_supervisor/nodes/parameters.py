@@ -51,7 +51,7 @@ def _descriptor(metadata: Any) -> ParameterDescriptor:
         descriptor.additional_constraints = "one of " + ", ".join(words)
     elif metadata.get("each_joint"):
         low, high = metadata["low"], metadata["high"]
-        descriptor.additional_constraints = f"one value per joint, each in {low:g}..{high:g}"
+        descriptor.additional_constraints = f"one value for all joints or one per joint, in {low:g}..{high:g}"
     elif "low" in metadata:
         descriptor.floating_point_range = [
             FloatingPointRange(from_value=metadata["low"], to_value=metadata["high"], step=0.0)

@@ -33,7 +33,9 @@ from irsbot_supervisor.nodes.lifecycle import answer_every_request
 from irsbot_supervisor.nodes.markers import MarkersPublisher
 from irsbot_supervisor.nodes.parameters import changed_settings, declare_settings
 from irsbot_supervisor.nodes.partners import Partners
+from irsbot_supervisor.nodes.safe import PROMISED, SafePublisher
 from irsbot_supervisor.nodes.samples import Samples
+from irsbot_supervisor.nodes.verdict_log import VerdictLog
 
 PARAMETERS = {
     "autostart": (True, "become active at the start, without waiting for transitions"),
@@ -47,7 +49,6 @@ STREAM = QoSProfile(depth=200, reliability=ReliabilityPolicy.RELIABLE)
 INLET = QoSProfile(depth=12, reliability=ReliabilityPolicy.RELIABLE)
 """What waits longer is skipped for newer samples anyway, and every place may come to hold the largest message ever."""
 
-LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 REQUESTS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 """By default ten requests and ten answers are kept, and of a hundred clients at once most would wait for ever."""
 
@@ -76,7 +77,8 @@ class SupervisorNode(LifecycleNode):
         self._settings, self._robot = declare_settings(self)
         self._supervisor = Supervisor(self._settings, self._robot)
         self._active = False
-        self._told = 0  # event of the last stop that the log knows
+        self._log = VerdictLog(self.get_logger())
+        self._safe = SafePublisher(self)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._heart: Timer | None = None
         self._speech: list[Publisher] = []
@@ -95,28 +97,41 @@ class SupervisorNode(LifecycleNode):
 
     # --- life cycle --------------------------------------------------------------------------------------------
 
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """All there is has been there since the birth of the node."""
+        self.get_logger().info("configured: inactive until an activation")
+        return super().on_configure(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """All there is stays until the end of the node."""
+        self.get_logger().info("cleaned up: what is known, and a latched stop, stay")
+        return super().on_cleanup(state)
+
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Begin, or go on as after as long a gap between two samples: with UNKNOWN if it was a silence. A latched stop
         stays."""
         self._states = self._speaking(SingularityState, "~/state", STREAM)
-        self._verdicts = self._speaking(VerdictMsg, "~/verdict", LATCHED)
+        self._verdicts = self._speaking(VerdictMsg, "~/verdict", PROMISED)
         self._journal = self._speaking(String, "~/journal", JOURNAL)
         self._start_heart()
         self._active = True
         self._configure()
         self._samples.open()
         self._gate.open()
-        self.get_logger().info(f"supervising {self._robot.name}, settings {self._settings.config_hash}")
+        topic = self.resolve_topic_name("~/verdict")
+        self.get_logger().info(f"supervising {self._robot.name}, settings {self._settings.config_hash}, on {topic}")
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Fall silent."""
         self._fall_silent()
+        self.get_logger().info("deactivated: silent, and nothing passes the gate")
         return super().on_deactivate(state)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """From whatever state."""
         self._fall_silent()
+        self.get_logger().info(f"shut down in state '{state.label}'")
         return super().on_shutdown(state)
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -129,6 +144,7 @@ class SupervisorNode(LifecycleNode):
         """Called by the shell before the node is destroyed."""
         self._fall_silent()
         self._gate.end()
+        self._safe.end()
 
     def destroy_node(self) -> None:
         """With the state machine, which holds on to the node and rclpy forgets: else it stays in the graph."""
@@ -146,7 +162,9 @@ class SupervisorNode(LifecycleNode):
         self._stop_heart()
         self._samples.close()
         self._gate.close()
-        self._diagnostics.verdict = self._markers.verdict = self._markers.state = None
+        self._safe.close()
+        self._diagnostics.forget()
+        self._markers.verdict = self._markers.state = None
         for publisher in self._speech:
             self.destroy_publisher(publisher)
         self._speech = []
@@ -208,31 +226,26 @@ class SupervisorNode(LifecycleNode):
             if step.state is not None:
                 spent = (time.monotonic_ns() - event.seen_ns) * 1e-9
                 self._states.publish(encode_state(step.state._replace(compute_time=spent)))
-                self._markers.state = step.state
+                self._markers.state = self._diagnostics.state = step.state
             if step.verdict is not None:
-                self._verdicts.publish(encode_verdict(step.verdict))
-                self._markers.verdict = step.verdict
-                self._diagnostics.verdict = step.verdict
-                self._tell(step.verdict)
+                self._say(step.verdict)
+                self._markers.verdict = self._diagnostics.verdict = step.verdict
             return step
         except Exception as error:
             self._fail(error)
             return None
 
-    def _tell(self, verdict: Verdict) -> None:
-        """One line in the log for every stop that is latched."""
-        if verdict.latched and verdict.event != self._told:
-            self._told = verdict.event
-            text = f"a stop is latched, event {verdict.event}, level {verdict.level.name}: {verdict.text}"
-            self.get_logger().warning(text)
+    def _say(self, verdict: Verdict) -> None:
+        self._verdicts.publish(encode_verdict(verdict))
+        self._safe.tell(verdict.level)
+        self._log.hear(verdict, time.monotonic_ns())
 
     def _fail(self, error: Exception) -> None:
         """An error in a callback: UNKNOWN, until a sample is judged without one."""
         if not self._active:
             return  # what it wanted to publish with is gone
         self.get_logger().error(f"{type(error).__name__}: {error}", throttle_duration_sec=1.0)
-        verdict = self._supervisor.fail(time.monotonic_ns(), f"{type(error).__name__}: {error}")
-        self._verdicts.publish(encode_verdict(verdict))
+        self._say(self._supervisor.fail(time.monotonic_ns(), f"{type(error).__name__}: {error}"))
 
     # --- parameters --------------------------------------------------------------------------------------------
 
