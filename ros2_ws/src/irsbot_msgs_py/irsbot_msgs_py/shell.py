@@ -11,6 +11,8 @@ import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from importlib import metadata
+from importlib.util import find_spec
 from typing import Any
 
 from irsbot_msgs_py.deadline import exit_within
@@ -47,6 +49,8 @@ def run(
     from rclpy.exceptions import NameValidationException, ParameterException
     from rclpy.signals import SignalHandlerOptions
 
+    if find_spec("rclpy.experimental.events_executor") is None:
+        return _refuse(UsageError(f"rclpy 7.1.4 or newer is needed, this is {_version()}: update ros-jazzy-rclpy"))
     stop: list[int] = []
     for number in ENDS:
         signal.signal(number, lambda n, _: stop.append(n))
@@ -68,6 +72,13 @@ def run(
     for number in ENDS:
         signal.signal(number, signal.SIG_IGN)  # whoever asks twice gets the same exit code
     return exit_code
+
+
+def _version() -> str:
+    try:
+        return metadata.version("rclpy")
+    except metadata.PackageNotFoundError:
+        return "an older one"
 
 
 def _spin(node: Any, stop: list[int]) -> int:

@@ -29,7 +29,7 @@ from irsbot_supervisor.nodes.as_declared import read_as_declared
 from irsbot_supervisor.nodes.check import checked, refused
 from irsbot_supervisor.nodes.diagnostics import DiagnosticsPublisher
 from irsbot_supervisor.nodes.gate import CommandGate
-from irsbot_supervisor.nodes.lifecycle import answer_every_request
+from irsbot_supervisor.nodes.lifecycle import answer_every_request, forget_state_machine
 from irsbot_supervisor.nodes.markers import MarkersPublisher
 from irsbot_supervisor.nodes.parameters import changed_settings, declare_settings
 from irsbot_supervisor.nodes.partners import Partners
@@ -147,8 +147,8 @@ class SupervisorNode(LifecycleNode):
         self._safe.end()
 
     def destroy_node(self) -> None:
-        """With the state machine, which holds on to the node and rclpy forgets: else it stays in the graph."""
-        self._state_machine.destroy_when_not_in_use()
+        """With the state machine, which rclpy forgets."""
+        forget_state_machine(self)
         super().destroy_node()
 
     def _speaking(self, kind: type, topic: str, qos: QoSProfile) -> Publisher:
