@@ -13,7 +13,7 @@ pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
 from builtin_interfaces.msg import Duration
 from std_msgs.msg import Float64MultiArray
-from supervised import feed, joints_of, ready, resting, sample, supervisor_of, tick
+from supervised import at_ns, feed, joints_of, ready, resting, sample, supervisor_of, tick
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from irsbot_msgs_py.records import Floats, JointSample, Level
@@ -89,7 +89,15 @@ class Opened:
 
 
 @pytest.fixture
-def opened() -> Iterator[Opened]:
+def clock(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
+    """The gate's steady clock: `now_ns` is the time of the test."""
+    now = SimpleNamespace(now_ns=at_ns(0)[1])
+    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic_ns=lambda: now.now_ns))
+    return now
+
+
+@pytest.fixture
+def opened(clock: SimpleNamespace) -> Iterator[Opened]:
     """At rest, far from every limit."""
     gate = Opened(ready()[0])
     yield gate
@@ -191,8 +199,9 @@ def moving(start: Floats, rate: float, begin_ms: int) -> list[JointSample]:
 
 
 @pytest.mark.parametrize("way", ["deactivated", "stopped", "refused", "nonsense"])
-def test_a_hold_is_a_point_at_rest_ahead_of_the_moving_robot(opened: Opened, way: str):
+def test_a_hold_is_a_point_at_rest_ahead_of_the_moving_robot(opened: Opened, clock: SimpleNamespace, way: str):
     supervisor, rate = opened.gate._supervisor, 1.0
+    clock.now_ns = at_ns(99)[1]
     start = joints_of(supervisor, 0.0, -0.85)
     *_, last = moving(start, rate, 0)
     feed(supervisor, moving(start, rate, 0))
@@ -218,6 +227,25 @@ def test_a_hold_is_a_point_at_rest_ahead_of_the_moving_robot(opened: Opened, way
     assert point.positions[1] == pytest.approx(start[1], abs=1e-3)
 
 
+def test_without_news_of_the_robot_a_hold_stays_the_same_however_late_it_is_said(
+    opened: Opened, clock: SimpleNamespace
+):
+    """Where it would be by now if it had gone on is anywhere."""
+    supervisor, rate = opened.gate._supervisor, 1.0
+    *_, last = moving(joints_of(supervisor, 0.0, -0.85), rate, 0)
+    feed(supervisor, moving(joints_of(supervisor, 0.0, -0.85), rate, 0))
+    opened.gate.beat(0)
+    for late_ms in (5_000, 10_000, 300_000):
+        clock.now_ns = at_ns(99 + late_ms)[1]
+        supervisor.step(tick(99 + late_ms))
+        opened.gate.beat(0)
+        opened.node.hears["command_in"](JointTrajectory(joint_names=["elbow"], points=[JointTrajectoryPoint()]))
+    _first, *said = [message.points[0].positions[0] for message in opened.node.said["command_out"]]
+    assert len(said) == 4
+    assert max(said) - min(said) == 0.0
+    assert said[0] - last.position[0] < rate * (supervisor.settings.stale_s + 0.1)
+
+
 def test_a_robot_that_a_stop_has_brought_to_rest_is_held_where_it_stands_once(opened: Opened):
     supervisor = opened.gate._supervisor
     start = joints_of(supervisor, 0.0, -0.85)
@@ -241,11 +269,8 @@ def test_a_robot_that_is_found_moving_is_held(opened: Opened):
 
 
 @pytest.mark.parametrize("rates", [(0.2, -0.2), (0.0, 0.0)])
-def test_the_last_rates_of_a_gate_that_closes_are_zeros(opened: Opened, rates: Floats, monkeypatch: pytest.MonkeyPatch):
+def test_the_last_rates_of_a_gate_that_closes_are_zeros(opened: Opened, rates: Floats):
     """forward_command_controller keeps the last ones for ever."""
-    view = opened.gate._supervisor.view
-    assert view is not None
-    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic_ns=lambda: view.seen_ns))
     assert opened.rates(*rates) == rates
     opened.gate.close()
     said = [tuple(message.data) for message in opened.node.said["velocity_out"]]

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from enum import Enum, auto
 from queue import SimpleQueue
 from threading import Lock, Thread
-from typing import Any
+from typing import Any, NamedTuple
 
 from builtin_interfaces.msg import Duration
 from rclpy.duration import Duration as Span
@@ -23,7 +23,7 @@ from irsbot_kinematics import Robot
 from irsbot_msgs_py.records import Level
 from irsbot_msgs_py.stamps import NS_PER_S, sec_nanosec
 from irsbot_supervisor.core.gate import Gate, View
-from irsbot_supervisor.core.hold import hold
+from irsbot_supervisor.core.hold import Hold, hold
 from irsbot_supervisor.core.motion import BadTrajectory, Command, JointPath
 from irsbot_supervisor.core.motion_gate import MotionGate, Situation
 from irsbot_supervisor.core.pipeline import Supervisor
@@ -55,6 +55,28 @@ class Owed(Enum):
     )  # where the robot stands, once it does: brakes may have brought it elsewhere than the hold says
 
 
+class Answer(NamedTuple):
+    """What became of a trajectory command."""
+
+    path: JointPath | None  # what was let through; None: the robot is held
+    text: str  # what was taken away, or why it is held
+    stops: int = 0  # of the gate, when it was let through
+    shortened: bool = False  # it ends before what was commanded
+
+
+class Task(NamedTuple):
+    """A trajectory command that waits to be looked at."""
+
+    command: Command
+    situation: Situation
+    stops: int
+    answered: Callable[[Answer], None]
+
+
+def nobody(_answer: Answer) -> None:
+    """Who sent a command by a topic hears the motion itself, and the log."""
+
+
 class CommandGate:
     """Lets commands pass while it is open."""
 
@@ -68,12 +90,16 @@ class CommandGate:
         self._wanted: tuple[tuple[float, ...], int] | None = None  # commanded rates, and when
         self._moving = False  # whether the last rates that were let through were other than zeros
         self._known: View | None = None  # the last time that the state of the robot was known
-        self._stops = 0  # how often the level has risen to STOP or UNKNOWN
+        self.stops = 0
+        """How often the level has risen to STOP or UNKNOWN, or the gate was closed."""
+        self.commands = 0
+        """How many commands have come, of every kind."""
         self._stopped = True
+        self._held: tuple[int, Hold] | None = None  # the last hold, and the time of the sample that it is made from
         self._owed = Owed.NOTHING
         self._open = False
         self._out = Lock()  # held by whoever says something, so that nothing follows a hold that was known before
-        self._work: SimpleQueue[tuple[Command, Situation, int] | None] = SimpleQueue()
+        self._work: SimpleQueue[Task | None] = SimpleQueue()
         self._trajectories = node.create_publisher(JointTrajectory, "command_out", DEPTH)
         self._velocities = node.create_publisher(Float64MultiArray, "velocity_out", DEPTH)
         node.create_subscription(JointTrajectory, "command_in", self._guarded(self._on_trajectory), DEPTH)
@@ -91,7 +117,7 @@ class CommandGate:
     def open(self) -> None:
         """From now on commands count, and nothing of what was before: the robot may be elsewhere."""
         self._gate = Gate(self._settings, self._robot.mechanism)
-        self._known, self._owed = None, Owed.HOLD
+        self._known, self._held, self._owed = None, None, Owed.HOLD
         self._open = self._stopped = True
 
     def close(self) -> None:
@@ -103,7 +129,7 @@ class CommandGate:
             if self._open:
                 self._publish_hold()
             self._open, self._wanted = False, None
-            self._stops += 1
+            self.stops += 1
 
     def end(self) -> None:
         """Ends the thread; a command that is still being looked at then has nobody who waits for it."""
@@ -112,6 +138,20 @@ class CommandGate:
         self._worker.join(END_S)
         for publisher in (self._velocities, self._trajectories):
             publisher.wait_for_all_acked(Span(seconds=HEARD_S))
+
+    @property
+    def is_open(self) -> bool:
+        """Whether commands count."""
+        return self._open
+
+    def halt(self, why: str) -> None:
+        """Hold, whatever passed before."""
+        self.commands += 1
+        self._drop()
+        with self._out:
+            self.stops += 1
+            self._publish_hold()
+        self._node.get_logger().info(f"held: {why}")
 
     def beat(self, seen_ns: int) -> None:
         """With every heartbeat: velocities again, and a hold when a stop has come."""
@@ -132,7 +172,7 @@ class CommandGate:
         stopped = view is None or view.judgement.level >= Level.STOP
         if stopped and not self._stopped:
             with self._out:
-                self._stops += 1
+                self.stops += 1
                 self._publish_hold()
         elif view is not None and self._owed == Owed.HOLD:
             with self._out:
@@ -153,6 +193,7 @@ class CommandGate:
 
     def _on_velocity(self, message: Float64MultiArray) -> None:
         now_ns = time.monotonic_ns()
+        self.commands += 1
         self._wanted = tuple(message.data), now_ns
         self._pass_velocity(self._look(), now_ns)
 
@@ -171,19 +212,26 @@ class CommandGate:
         self._moving = any(rates)
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
+        self.command(message)
+
+    def command(self, message: JointTrajectory, answered: Callable[[Answer], None] = nobody) -> int:
+        """Look at a trajectory and let through what is allowed of it. answered: told once, by whichever thread, unless
+        another command comes first. Returns the number of the command."""
+        self.commands += 1
         view = self._look()
         try:
             command = command_of(message, self._settings.joint_names)
         except BadTrajectory as error:
-            self._hold(str(error))
-            return
+            self._refuse(str(error), answered)
+            return self.commands
         if view is None:
-            self._hold("the state of the robot is not known")
-            return
+            self._refuse("the state of the robot is not known", answered)
+            return self.commands
         share, limits = self._gate.share(view), self._gate.limits(view)
         situation = Situation(view.at, view.velocity, share, limits)
         self._drop()
-        self._work.put((command, situation, self._stops))
+        self._work.put(Task(command, situation, self.stops, answered))
+        return self.commands
 
     def _drop(self) -> None:
         """Forget the commands that wait."""
@@ -193,48 +241,48 @@ class CommandGate:
     def _certify(self) -> None:
         """The thread: one command after another, until there is None."""
         while (task := self._work.get()) is not None:
-            command, situation, stops = task
-            motion = None
+            motion = path = None
             try:
-                path, text = self._motions.motion(command, situation)
+                path, text = self._motions.motion(task.command, task.situation)
                 motion = None if path is None else self._message(path)
             except Exception as error:  # an error inside holds the robot
                 text = f"held: {type(error).__name__}: {error}"
             with self._out:
                 if not self._open:
                     continue
-                if stops != self._stops:
+                if task.stops != self.stops:
                     motion, text = None, "held: a stop came while the motion was looked at"
                 if motion is None:
                     self._publish_hold()
+                    task.answered(Answer(None, text or "held, as commanded"))
                 else:
                     self._trajectories.publish(motion)
                     self._owed = Owed.NOTHING
+                    task.answered(Answer(path, text, self.stops, _ends_early(path, task.command)))
             if text:
                 self._node.get_logger().info(f"trajectory command: {text}")
 
-    def _hold(self, text: str) -> None:
+    def _refuse(self, text: str, answered: Callable[[Answer], None]) -> None:
         with self._out:
             self._publish_hold()
+            answered(Answer(None, f"held: {text}"))
         self._node.get_logger().warning(f"trajectory command: held: {text}")
 
     def _publish_hold(self) -> None:
         """One point at rest: a message without points is refused by controllers, which go on with what they have.
-        Nothing where nothing is known: nothing has been let through then. `_out` is held."""
+        Nothing where nothing is known: nothing has been let through then. Without news of the robot it is held where it
+        was told to be before. `_out` is held."""
         known, settings = self._known, self._settings
         if known is None:
             return
-        age_s = (time.monotonic_ns() - known.seen_ns) / NS_PER_S
-        after_s, position = hold(
-            known.at.joints,
-            known.velocity,
-            settings.deceleration_limit,
-            age_s,
-            settings.latency_s,
-            settings.heartbeat_s,
-        )
-        rest = (0.0,) * len(position)
-        self._trajectories.publish(self._message(JointPath((0.0, after_s), (position, position), (rest, rest))))
+        if self._held is None or self._held[0] != known.seen_ns:
+            age_s = min((time.monotonic_ns() - known.seen_ns) / NS_PER_S, settings.stale_s)  # later it is no knowledge
+            brakes, shortest_s = settings.deceleration_limit, settings.heartbeat_s
+            rest = hold(known.at.joints, known.velocity, brakes, age_s, settings.latency_s, shortest_s)
+            self._held = known.seen_ns, rest
+        after_s, position = self._held[1]
+        still = (0.0,) * len(position)
+        self._trajectories.publish(self._message(JointPath((0.0, after_s), (position, position), (still, still))))
         self._owed = Owed.HOLD_AT_REST
 
     def _message(self, path: JointPath) -> JointTrajectory:
@@ -250,3 +298,8 @@ class CommandGate:
             point.time_from_start = Duration(sec=sec, nanosec=nanosec)
             message.points.append(point)
         return message
+
+
+def _ends_early(path: JointPath | None, command: Command) -> bool:
+    """A motion that is allowed to its end keeps its last point as it was commanded."""
+    return path is not None and path.positions[-1] != command.positions[-1]

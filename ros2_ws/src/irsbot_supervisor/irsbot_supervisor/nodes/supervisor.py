@@ -28,6 +28,7 @@ from irsbot_supervisor.journal import configured, write_entry
 from irsbot_supervisor.nodes.as_declared import read_as_declared
 from irsbot_supervisor.nodes.check import checked, refused
 from irsbot_supervisor.nodes.diagnostics import DiagnosticsPublisher
+from irsbot_supervisor.nodes.follow import FollowServer, action_type
 from irsbot_supervisor.nodes.gate import CommandGate
 from irsbot_supervisor.nodes.lifecycle import answer_every_request, forget_state_machine
 from irsbot_supervisor.nodes.markers import MarkersPublisher
@@ -86,6 +87,8 @@ class SupervisorNode(LifecycleNode):
         self._diagnostics = DiagnosticsPublisher(self, self._supervisor, Partners(self), self._samples, self._fail)
         self._markers = MarkersPublisher(self, self._robot, self._supervisor, self._frame, self._fail)
         self._gate = CommandGate(self, self._settings, self._robot, self._supervisor, self._fail)
+        action = action_type()
+        self._follow = FollowServer(self, action, self._gate, self._supervisor) if action else None
         self.create_service(ResetStop, "~/reset", self._on_reset, qos_profile=REQUESTS)
         self.create_service(CheckTrajectory, "~/check_trajectory", self._on_check, qos_profile=REQUESTS)
         read_as_declared(self)
@@ -162,6 +165,8 @@ class SupervisorNode(LifecycleNode):
         self._stop_heart()
         self._samples.close()
         self._gate.close()
+        if self._follow is not None:
+            self._follow.close()
         self._safe.close()
         self._diagnostics.forget()
         self._markers.verdict = self._markers.state = None
@@ -186,6 +191,8 @@ class SupervisorNode(LifecycleNode):
         tick = Tick(*self._now())
         self._step(tick)
         self._gate.beat(tick.seen_ns)
+        if self._follow is not None and self._active:
+            self._follow.beat(tick.seen_ns)
 
     def _on_reset(self, request: ResetStop.Request, response: ResetStop.Response) -> ResetStop.Response:
         if not self._active:
