@@ -8,6 +8,9 @@ from typing import NamedTuple
 
 from irsbot_msgs_py.shell import USAGE
 
+TOPICS = ("joint_states", "command_in", "velocity_in", "command_out", "velocity_out")
+"""Topics whose names can be given, for instance those of the controllers of ros2_control."""
+
 ARGUMENTS = (
     ("robot", "irsbot2", "preset name or YAML file of the robot"),
     ("namespace", "", "namespace of all nodes and topics"),
@@ -20,6 +23,7 @@ ARGUMENTS = (
     ("gate", "false", "the simulated joints take commands through the command gate alone"),
     ("record", "true", "record the run"),
     ("output", "", "new folder for the bag; empty: one named after the time"),
+    *((topic, topic, f"topic that is used as {topic}") for topic in TOPICS),
 )
 """Name, default and meaning."""
 
@@ -49,11 +53,13 @@ class Given(NamedTuple):
     gate: bool
     record: bool
     output: str
+    topics: dict[str, str]
+    """Remaps: topic -> topic that is used instead."""
 
 
 def given(texts: Mapping[str, str]) -> Given:
     """The arguments as their texts say. Raises BadArgument."""
-    said = {name: texts[name].strip() for name in Given._fields}
+    said = {name: text.strip() for name, text in texts.items()}
     level, file = said["log_level"].lower(), said["params_file"]
     if level not in LOG_LEVELS:
         raise BadArgument(f"log_level:={level} must be one of {', '.join(LOG_LEVELS)}")
@@ -72,6 +78,7 @@ def given(texts: Mapping[str, str]) -> Given:
         gate,
         flag("record", said["record"]),
         said["output"],
+        {topic: said[topic] for topic in TOPICS if said[topic] not in ("", topic)},
     )
 
 

@@ -30,8 +30,13 @@ def _node(package: str, name: str, said: Given, **parameters: object) -> Node:
         respawn=said.respawn,
         respawn_delay=RESPAWN_DELAY_S,
         on_exit=_told(name),
-        remappings=list(GATED.items()) if name == "simulated_joints" and said.gate else [],
+        remappings=list(_remaps(name, said).items()),
     )
+
+
+def _remaps(name: str, said: Given) -> dict[str, str]:
+    gated = GATED if name == "simulated_joints" and said.gate else {}
+    return {**said.topics, **{topic: said.topics.get(other, other) for topic, other in gated.items()}}
 
 
 def _told(name: str) -> Callable[[Any, LaunchContext], None]:

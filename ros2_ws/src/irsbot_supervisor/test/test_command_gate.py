@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from threading import Condition, Event, current_thread
+from threading import Event, current_thread
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,81 +11,18 @@ import pytest
 
 pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
-from builtin_interfaces.msg import Duration
-from std_msgs.msg import Float64MultiArray
+from gated import PATIENCE_S, Opened
 from supervised import at_ns, feed, joints_of, ready, resting, sample, supervisor_of, tick
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from irsbot_msgs_py.records import Floats, JointSample, Level
 from irsbot_supervisor.core.pipeline import Supervisor
 from irsbot_supervisor.nodes import gate as module
-from irsbot_supervisor.nodes.gate import CommandGate
 
 pytestmark = pytest.mark.ros
 
-PATIENCE_S = 120.0
 NEAR = (0.0, -1.198)
 """A pose beyond the stop limit of Type 1."""
-
-
-class FakeNode:
-    """Keeps what is published by topic, hands over what is sent."""
-
-    def __init__(self) -> None:
-        self.said: dict[str, list[Any]] = {}
-        self.hears: dict[str, Any] = {}
-        self.log: list[str] = []
-        self.spoke = Condition()
-
-    def create_publisher(self, _kind: Any, topic: str, _qos: Any) -> Any:
-        said = self.said.setdefault(topic, [])
-
-        def publish(message: Any) -> None:
-            with self.spoke:
-                said.append(message)
-                self.spoke.notify_all()
-
-        return SimpleNamespace(publish=publish, wait_for_all_acked=lambda _span: True)
-
-    def create_subscription(self, _kind: Any, topic: str, callback: Any, _qos: Any) -> None:
-        self.hears[topic] = callback
-
-    def get_logger(self) -> Any:
-        def tell(text: str, **_more: Any) -> None:
-            self.log.append(text)
-
-        return SimpleNamespace(info=tell, warning=tell)
-
-
-class Opened:
-    """An open gate of a supervised robot."""
-
-    def __init__(self, supervisor: Supervisor) -> None:
-        self.node, self.errors = FakeNode(), []
-        node: Any = self.node
-        self.gate = CommandGate(node, supervisor.settings, supervisor.robot, supervisor, self.errors.append)
-        self.gate.open()
-
-    @property
-    def motions(self) -> list[int]:
-        """Numbers of points of what was published; one, at rest, is a hold."""
-        return [len(message.points) for message in self.node.said["command_out"]]
-
-    def rates(self, *wanted: float) -> Floats:
-        self.node.hears["velocity_in"](Float64MultiArray(data=wanted))
-        return tuple(self.node.said["velocity_out"][-1].data)
-
-    def go(self, goal: Floats, first_ns: int = 10**9, last_s: int = 2) -> None:
-        """To the goal until `first_ns`, and stay there."""
-        message = JointTrajectory(joint_names=["joint_1", "joint_2"])
-        for after in (Duration(nanosec=first_ns), Duration(sec=last_s)):
-            message.points.append(JointTrajectoryPoint(positions=list(goal), time_from_start=after))
-        self.node.hears["command_in"](message)
-
-    def until_said(self, number: int) -> None:
-        with self.node.spoke:
-            heard = self.node.spoke.wait_for(lambda: len(self.motions) >= number, PATIENCE_S)
-        assert heard, f"{self.motions}, {self.node.log}, {self.errors}"
 
 
 @pytest.fixture
@@ -103,6 +40,7 @@ def opened(clock: SimpleNamespace) -> Iterator[Opened]:
     yield gate
     gate.gate.end()
     assert gate.errors == []
+    gate.obeyed()
 
 
 class Pause:

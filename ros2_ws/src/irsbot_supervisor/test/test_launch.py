@@ -93,6 +93,16 @@ def test_every_node_gets_what_was_said(monkeypatch: pytest.MonkeyPatch, tmp_path
     assert {"params_file", "use_sim_time", "log_level", "respawn"} <= set(launch.declared)
 
 
+def test_topics_of_controllers_can_be_named(monkeypatch: pytest.MonkeyPatch):
+    told = {"command_out": "/jtc/joint_trajectory", "joint_states": "/joint_states", "gate": "true"}
+    launch = FakeLaunch(monkeypatch, **told)
+    named = [("joint_states", "/joint_states"), ("command_out", "/jtc/joint_trajectory")]
+    assert launch.node("supervisor")["remappings"] == named
+    assert set(named) <= set(launch.node("recorder")["remappings"])
+    assert ("joint_trajectory", "/jtc/joint_trajectory") in launch.node("simulated_joints")["remappings"]
+    assert FakeLaunch(monkeypatch).node("supervisor")["remappings"] == []
+
+
 def test_by_default_nothing_is_respawned_and_the_file_of_parameters_keeps_its_time(monkeypatch: pytest.MonkeyPatch):
     for node in FakeLaunch(monkeypatch).nodes:
         assert node["respawn"] is False

@@ -544,15 +544,6 @@ def test_diagnostics_have_the_figures_as_values(cell: Cell):
     assert float(values("joint states")["since arrival [s]"]) >= 0.0
 
 
-def test_angles_more_than_a_turn_from_zero_may_be_degrees_and_that_is_said(wire: Wire):
-    cell = Cell(wire)
-    heard = statuses_of(cell)
-    cell.say = resting(tuple(math.degrees(q) for q in GOOD))
-    wire.until(lambda: heard and heard[-1]["joint states units"][0] == DiagnosticStatus.WARN)
-    assert "if these are degrees" in heard[-1]["joint states units"][1]
-    assert "'joint_1' is at 1" in heard[-1]["joint states units"][1]
-
-
 def test_levels_and_the_life_cycle_are_logged_once(wire: Wire):
     cell = Cell(wire)
     cell.heard_level(Level.OK)
@@ -638,6 +629,14 @@ def test_partners_that_ask_for_or_offer_another_quality_of_service_are_reported(
     cell.wire.until(lambda: diagnostics[-1]["verdict subscribers"][0] == b"\x00")
     assert "not heard: /fieldbus" in cell.printed
     assert "do not hear the verdict: /drive" in cell.printed
+
+
+def test_best_effort_joint_states_are_heard_on_request(wire: Wire):
+    cell = Cell(wire, **{"qos_overrides./joint_states.subscription.reliability": "best_effort"})
+    cell.node.destroy_publisher(cell.joints)
+    best_effort = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+    cell.joints = cell.node.create_publisher(JointState, "joint_states", best_effort)
+    cell.heard_level(Level.OK)
 
 
 def test_markers_show_level_margin_and_the_way_out(wire: Wire):

@@ -13,6 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
+from irsbot_kinematics import Coordinate
 from irsbot_msgs_py.records import Cause, Level, SingularityState, Verdict
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.core.pipeline import Supervisor
@@ -73,7 +74,9 @@ class DiagnosticsPublisher:
                 level = max(level, Level.STOP)
                 text = f"a stop is latched, event {verdict.event}: {verdict.text}"
             message.status.append(self._status(Finding(check, _LEVELS[level], text), values.get(check, {})))
-        for finding in (*self._partners.look(), self._rate(), self._units()):
+        robot, names = self._supervisor.robot, self._supervisor.settings.joint_names
+        units = of_units(robot.mechanism.joints, names, self.state.joint_position if self.state else ())
+        for finding in (*self._partners.look(), self._rate(), units):
             message.status.append(self._status(finding, {}))
         self._publisher.publish(message)
 
@@ -123,19 +126,18 @@ class DiagnosticsPublisher:
         text = f"{skipped} samples skipped for newer ones: more come than can be judged"
         return Finding("joint states rate", DiagnosticStatus.WARN, text)
 
-    def _units(self) -> Finding:
-        """Angles are read modulo a turn, as encoders of many turns need it. So are degrees, unless they move."""
-        joints, names = self._supervisor.robot.mechanism.joints, self._supervisor.settings.joint_names
-        position = self.state.joint_position if self.state else ()
-        far = [
-            f"'{name}' is at {value:.4g} rad, {abs(value) / tau:.1f} turns from zero"
-            for name, joint, value in zip(names, joints, position, strict=False)
-            if joint.is_angle and isfinite(value) and abs(value) > tau
-        ]
-        if not far:
-            return Finding("joint states units", DiagnosticStatus.OK, "within one turn of zero")
-        text = f"{'; '.join(far)}: right for encoders of many turns, wrong if these are degrees"
-        return Finding("joint states units", DiagnosticStatus.WARN, text)
+
+def of_units(joints: Sequence[Coordinate], names: Sequence[str], position: Sequence[float]) -> Finding:
+    """Angles are read modulo a turn, as encoders of many turns need it. So are degrees, unless they move."""
+    far = [
+        f"'{name}' is at {value:.4g} rad, {abs(value) / tau:.1f} turns from zero"
+        for name, joint, value in zip(names, joints, position, strict=False)
+        if joint.is_angle and isfinite(value) and abs(value) > tau
+    ]
+    if not far:
+        return Finding("joint states units", DiagnosticStatus.OK, "within one turn of zero")
+    text = f"{'; '.join(far)}: right for encoders of many turns, wrong if these are degrees"
+    return Finding("joint states units", DiagnosticStatus.WARN, text)
 
 
 def _margins(state: SingularityState) -> dict[str, object]:
