@@ -49,7 +49,7 @@ def run(
     from rclpy.exceptions import NameValidationException, ParameterException
     from rclpy.signals import SignalHandlerOptions
 
-    if find_spec("rclpy.experimental.events_executor") is None:
+    if not _has_events_executor():
         return _refuse(UsageError(f"rclpy 7.1.4 or newer is needed, this is {_version()}: update ros-jazzy-rclpy"))
     stop: list[int] = []
     for number in ENDS:
@@ -72,6 +72,13 @@ def run(
     for number in ENDS:
         signal.signal(number, signal.SIG_IGN)  # whoever asks twice gets the same exit code
     return exit_code
+
+
+def _has_events_executor() -> bool:
+    try:
+        return find_spec("rclpy.experimental.events_executor") is not None
+    except ModuleNotFoundError:  # not even its package
+        return False
 
 
 def _version() -> str:
