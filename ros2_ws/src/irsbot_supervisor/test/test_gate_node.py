@@ -88,8 +88,10 @@ class Station:
         too busy for its samples makes the gate hold; then the motion is commanded again, as an operator would."""
         deadline = time.monotonic() + PATIENCE_S
         while time.monotonic() < deadline:
-            motion = self.go(goal, seconds=seconds)
-            if motion.points and self._arrived(tuple(motion.points[-1].positions)):
+            begin, motion = self.joints, self.go(goal, seconds=seconds)
+            end = tuple(motion.points[-1].positions)
+            held = _near(end, begin) and not _near(goal, begin)
+            if not held and self._arrived(end):
                 return self.joints
             self.cell.heard(lambda verdict: verdict.level <= Level.WARN, "leave to move")
         raise AssertionError(f"the robot did not arrive in {PATIENCE_S:.0f} s")
@@ -100,20 +102,23 @@ class Station:
         told, seen = len(self.motions), len(self.cell.states)
         self.until(
             lambda: (
-                len(self.motions) > told or self._near(end) or (len(self.cell.states) > seen + RATE_HZ and self.stands)
+                len(self.motions) > told
+                or _near(end, self.joints)
+                or (len(self.cell.states) > seen + RATE_HZ and self.stands)
             ),
             "the end of the motion",
         )
-        if self._near(end):
+        if _near(end, self.joints):
             self.until(lambda: self.stands, "standstill")
-        return self._near(end)
-
-    def _near(self, goal: Floats) -> bool:
-        return max(abs(a - b) for a, b in zip(self.joints, goal, strict=True)) < 1e-4
+        return _near(end, self.joints)
 
     def _speak(self) -> None:
         if self.wanted is not None:
             self.velocity.publish(Float64MultiArray(data=list(self.wanted)))
+
+
+def _near(a: Floats, b: Floats) -> bool:
+    return max(abs(one - other) for one, other in zip(a, b, strict=True)) < 1e-4
 
 
 @pytest.fixture(scope="module")
