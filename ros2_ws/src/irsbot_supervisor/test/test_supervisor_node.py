@@ -575,8 +575,10 @@ def test_plain_listeners_hear_whether_motion_is_safe_and_notice_silence(wire: Wi
     lost: list[object] = []
     events = SubscriptionEventCallbacks(deadline=missed.append, liveliness=lost.append)
     cell.node.create_subscription(Bool, "supervisor/safe", lambda m: heard.append(m.data), qos, event_callbacks=events)
+    verdicts: list[VerdictMessage] = []
+    cell.node.create_subscription(VerdictMessage, "supervisor/verdict", verdicts.append, qos)
     cell.heard_level(Level.OK)
-    wire.until(lambda: heard and heard[-1])
+    wire.until(lambda: heard and heard[-1] and verdicts)
     cell.say = lambda t: None
     wire.until(lambda: not heard[-1], "false at UNKNOWN")
     cell.say = resting(GOOD)
