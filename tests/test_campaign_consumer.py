@@ -18,6 +18,7 @@ pytestmark = [
 CAMPAIGN = Path(__file__).parent / "campaigns" / "consumer_outages.py"
 
 
-def test_a_consumer_brakes_whenever_its_supervisor_is_killed_frozen_or_ended_and_goes_on_anew() -> None:
-    found = runpy.run_path(str(CAMPAIGN))["run"](1)  # raises where motion does not end, or begins without having ended
-    assert {how: len(delays) for how, delays in found.items()} == {"kill": 1, "freeze": 1, "end": 1}
+def test_a_consumer_brakes_whenever_its_supervisor_is_frozen_or_killed_and_goes_on_anew() -> None:
+    # raises where motion does not end, or begins again without having ended
+    found = runpy.run_path(str(CAMPAIGN))["run"](1, ("freeze", "kill"))
+    assert {how: len(delays) for how, delays in found.items()} == {"freeze": 1, "kill": 1}

@@ -91,9 +91,9 @@ class Station:
         rclpy.shutdown(context=self.context)
 
 
-def run(times: int, say: Callable[[str], None] = print) -> dict[str, list[float]]:
+def run(times: int, kinds: tuple[str, ...] = ("kill", "freeze", "end")) -> dict[str, list[float]]:
     """Outages of every kind, `times` each; how long motion was still allowed after each, s."""
-    found: dict[str, list[float]] = {"kill": [], "freeze": [], "end": []}
+    found: dict[str, list[float]] = {kind: [] for kind in kinds}
     domain = free_domain()
     with tempfile.TemporaryDirectory() as logs, Suite(Path(logs), domain) as suite:
         station = Station(suite, domain)
