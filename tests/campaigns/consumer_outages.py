@@ -102,9 +102,8 @@ def run(times: int, kinds: tuple[str, ...] = ("kill", "freeze", "end")) -> dict[
             for number in range(times):
                 for how, delays in found.items():
                     delays.append(station.outage(how))
-                say(
-                    f"{number + 1} of {times}: " + ", ".join(f"{how} {max(d) * 1e3:.0f} ms" for how, d in found.items())
-                )
+                longest = ", ".join(f"{how} {max(delays) * 1e3:.0f} ms" for how, delays in found.items())
+                print(f"{number + 1} of {times}, longest: {longest}", flush=True)
         finally:
             station.close()
     return found
