@@ -96,7 +96,6 @@ MODULES = {
     "typer": "apt install python3-typer",
     "rich": "apt install python3-rich",
     "matplotlib": "apt install python3-matplotlib",
-    "plotly": "apt install python3-plotly",
     "psutil": "apt install python3-psutil",
     "polars": "pip install polars",
     "mcap": "pip install mcap",

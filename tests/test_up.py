@@ -19,7 +19,7 @@ from rcl_interfaces.srv import ListParameters
 
 from irsbot_supervisor.cli.app import main
 from irsbot_supervisor.cli.runs import _parameters
-from irsbot_supervisor.parameter_file import read_parameters
+from irsbot_supervisor.parameter_file import OF_EVERY_NODE, QOS_OVERRIDES, read_parameters
 from irsbot_supervisor.suite import JOINTS, KINEMATICS, RECORDER, SUPERVISOR, free_domain
 from irsbot_supervisor.watch import Watch
 
@@ -209,7 +209,8 @@ def test_the_parameters_that_up_knows_are_those_of_the_nodes(tmp_path: Path) -> 
     with running(tmp_path / "run") as up:
         for node, known in _parameters("").items():
             found = up.ask(ListParameters, f"{node}/list_parameters", ListParameters.Request()).result.names
-            assert set(found) - {"use_sim_time", "start_type_description_service"} == set(known), node
+            ours = {name for name in found if not name.startswith(QOS_OVERRIDES)} - set(OF_EVERY_NODE)
+            assert ours == set(known), node
 
 
 def test_a_recorder_that_cannot_start_ends_the_suite(tmp_path: Path) -> None:

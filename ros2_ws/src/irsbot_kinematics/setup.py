@@ -15,10 +15,11 @@ setup(
         (f"share/{package}/launch", glob("launch/*.launch.py")),
     ],
     install_requires=["setuptools", "numpy", "scipy", "pyyaml"],
+    extras_require={"test": ["pytest"]},  # by which `colcon test` knows what to run
     zip_safe=False,
     maintainer="irsbot maintainers",
     maintainer_email="maintainers@irsbot.example",
     description="Kinematics, singularity margins and statics of parallel robots.",
     license="Apache-2.0",
-    entry_points={"console_scripts": ["kinematics_node = irsbot_kinematics.nodes.kinematics:main"]},
+    entry_points={"console_scripts": ["kinematics_node = irsbot_kinematics.nodes.executable:kinematics"]},
 )

@@ -12,6 +12,7 @@ setup(
         (f"share/{package}", ["package.xml"]),
     ],
     install_requires=["setuptools"],
+    extras_require={"test": ["pytest"]},  # by which `colcon test` knows what to run
     zip_safe=False,
     maintainer="irsbot maintainers",
     maintainer_email="maintainers@irsbot.example",

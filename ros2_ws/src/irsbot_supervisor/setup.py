@@ -15,6 +15,7 @@ setup(
         (f"share/{package}/launch", glob("launch/*.launch.py")),
     ],
     install_requires=["setuptools", "numpy", "scipy", "pyyaml", "typer", "rich", "matplotlib", "mcap", "polars"],
+    extras_require={"test": ["pytest"]},  # by which `colcon test` knows what to run
     zip_safe=False,
     maintainer="irsbot maintainers",
     maintainer_email="maintainers@irsbot.example",
@@ -22,10 +23,10 @@ setup(
     license="Apache-2.0",
     entry_points={
         "console_scripts": [
-            "supervisor_node = irsbot_supervisor.nodes.supervisor:main",
-            "simulated_joints_node = irsbot_supervisor.nodes.simulated_joints:main",
-            "recorder_node = irsbot_supervisor.nodes.recorder:main",
-            "irsbot = irsbot_supervisor.cli.app:main",
+            "supervisor_node = irsbot_supervisor.executables:supervisor",
+            "simulated_joints_node = irsbot_supervisor.executables:simulated_joints",
+            "recorder_node = irsbot_supervisor.executables:recorder",
+            "irsbot = irsbot_supervisor.executables:irsbot",
         ]
     },
 )

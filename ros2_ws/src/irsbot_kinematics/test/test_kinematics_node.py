@@ -257,3 +257,21 @@ def test_a_robot_that_does_not_exist_is_one_line_and_exit_code_2():
     assert client.process.returncode == 2
     (line,) = printed.splitlines()
     assert "irsbot9" in line
+
+
+@pytest.mark.parametrize("service", ["inverse", "direct", "evaluate"])
+def test_a_request_that_is_too_large_is_refused_at_once_with_the_limit(irsbot2: Client, service: str):
+    answer = getattr(irsbot2, service)(*([0.1] * (2 * 300_000)))
+    assert answer.message.startswith("at most 20000 po")
+    assert answer.message.endswith("got 300000: ask in parts")
+    results = answer.states if service == "evaluate" else answer.status
+    assert len(results) == 0
+
+
+def test_a_request_that_takes_too_long_ends_and_says_how_far_it_came():
+    """One posture of this robot takes about a millisecond."""
+    with served("ruu4") as client:
+        answer = client.evaluate(*([0.1] * (4 * 20_000)))
+        assert "of 20000 postures: ask for fewer" in answer.message
+        assert len(answer.states) == 0
+        assert len(client.evaluate(*([0.1] * 8)).states) == 2

@@ -11,6 +11,8 @@ import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
+from importlib import metadata
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -61,6 +63,8 @@ def _run(make_node: Callable[[], Any], argv: Sequence[str] | None, usage_errors:
     from rclpy.exceptions import NameValidationException, ParameterException
     from rclpy.signals import SignalHandlerOptions
 
+    if not _has_events_executor():
+        return _refuse(UsageError(f"rclpy 7.1.4 or newer is needed, this is {_version()}: update ros-jazzy-rclpy"))
     stop: list[int] = []
     for number in ENDS:
         signal.signal(number, lambda n, _: stop.append(n))
@@ -82,6 +86,20 @@ def _run(make_node: Callable[[], Any], argv: Sequence[str] | None, usage_errors:
     for number in ENDS:
         signal.signal(number, signal.SIG_IGN)  # whoever asks twice gets the same exit code
     return exit_code
+
+
+def _has_events_executor() -> bool:
+    try:
+        return find_spec("rclpy.experimental.events_executor") is not None
+    except ModuleNotFoundError:  # not even its package
+        return False
+
+
+def _version() -> str:
+    try:
+        return metadata.version("rclpy")
+    except metadata.PackageNotFoundError:
+        return "an older one"
 
 
 def _spin(node: Any, stop: list[int]) -> int:

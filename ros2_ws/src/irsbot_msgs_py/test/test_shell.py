@@ -173,3 +173,25 @@ def test_no_memory_is_shared_with_other_processes(variables: dict[str, str], sha
         assert process.stdout.readline() == "tick 1\n"
         mapped = Path(f"/proc/{process.pid}/maps").read_text()
         assert ("/dev/shm/fastrtps_" in mapped) == shared
+
+
+OLDER = """
+import sys
+from importlib.abc import MetaPathFinder
+
+class Older(MetaPathFinder):
+    def find_spec(self, name, path, target=None):
+        if name == "rclpy.experimental.events_executor":
+            raise ModuleNotFoundError(name=name)
+
+sys.meta_path.insert(0, Older())
+from irsbot_msgs_py.shell import run
+sys.exit(run(object))
+"""
+
+
+def test_an_rclpy_that_is_too_old_is_one_sentence():
+    done = subprocess.run([sys.executable, "-c", OLDER], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 2
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("rclpy 7.1.4 or newer is needed, this is ")

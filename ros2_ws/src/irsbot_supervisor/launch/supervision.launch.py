@@ -1,70 +1,64 @@
 """The suite: supervisor, kinematics, recorder, and simulated joints in place of hardware unless `simulate:=false`.
 
-ros2 launch irsbot_supervisor supervision.launch.py robot:=irsbot2 namespace:=left simulate:=true
+ros2 launch irsbot_supervisor supervision.launch.py robot:=irsbot2 namespace:=left params_file:=/path/mine.yaml
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping
+from typing import Any
 
-from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
-from launch.conditions import IfCondition
-from launch.substitutions import LaunchConfiguration, PythonExpression
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-ARGUMENTS = (
-    ("robot", "irsbot2", "preset name or YAML file of the robot"),
-    ("namespace", "", "namespace of all nodes and topics"),
-    ("simulate", "true", "simulated joints in place of hardware"),
-    ("scenario", "pick_and_place", "what the simulated joints do"),
-    ("gate", "false", "the simulated joints take commands through the command gate alone; scenario:=stand then"),
-    ("record", "true", "record the run"),
-    ("output", "", "new folder for the bag; empty: one named after the time"),
-)
+from irsbot_supervisor.launch_arguments import ARGUMENTS, Given, ended, given
+from irsbot_supervisor.suite import GATED
+
+RESPAWN_DELAY_S = 1.0
 
 
-def _gated(gated: str, free: str) -> PythonExpression:
-    return PythonExpression(["'", gated, "' if '", LaunchConfiguration("gate"), "' == 'true' else '", free, "'"])
-
-
-def _node(
-    package: str,
-    name: str,
-    condition: IfCondition | None = None,
-    remappings: Sequence[tuple[str, PythonExpression]] = (),
-    **parameters: object,
-) -> Node:
+def _node(package: str, name: str, said: Given, **parameters: object) -> Node:
+    """What the command line says wins over the file."""
+    more: dict[str, object] = {"use_sim_time": True} if said.use_sim_time else {}
     return Node(
         package=package,
         executable=f"{name}_node",
-        namespace=LaunchConfiguration("namespace"),
-        parameters=[parameters],
+        namespace=said.namespace,
+        parameters=[*([said.params_file] if said.params_file else []), {**parameters, **more}],
+        ros_arguments=["--log-level", said.log_level],
         output="screen",
-        condition=condition,
-        remappings=list(remappings),
+        respawn=said.respawn,
+        respawn_delay=RESPAWN_DELAY_S,
+        on_exit=_told(name),
+        remappings=list(_remaps(name, said).items()),
     )
+
+
+def _remaps(name: str, said: Given) -> dict[str, str]:
+    gated = GATED if name == "simulated_joints" and said.gate else {}
+    return {**said.topics, **{topic: said.topics.get(other, other) for topic, other in gated.items()}}
+
+
+def _told(name: str) -> Callable[[Any, LaunchContext], None]:
+    """An error in a handler ends the launch with exit code 1."""
+    return lambda event, context: ended(name, event.returncode, context.is_shutdown)
+
+
+def _nodes(context: LaunchContext) -> list[Node]:
+    texts: Mapping[str, str] = {name: LaunchConfiguration(name).perform(context) for name, *_ in ARGUMENTS}
+    said = given(texts)
+    nodes = [
+        _node("irsbot_kinematics", "kinematics", said, robot=said.robot),
+        _node("irsbot_supervisor", "supervisor", said, robot=said.robot),
+    ]
+    if said.record:
+        nodes.insert(0, _node("irsbot_supervisor", "recorder", said, output=said.output))
+    if said.simulate:
+        drives = {"robot": said.robot, "scenario": said.scenario, "gated": said.gate}
+        nodes.append(_node("irsbot_supervisor", "simulated_joints", said, **drives))
+    return nodes
 
 
 def generate_launch_description() -> LaunchDescription:
-    robot = LaunchConfiguration("robot")
-    simulate = IfCondition(LaunchConfiguration("simulate"))
-    record = IfCondition(LaunchConfiguration("record"))
-    return LaunchDescription(
-        [
-            *(DeclareLaunchArgument(name, default_value=value, description=text) for name, value, text in ARGUMENTS),
-            _node("irsbot_supervisor", "recorder", record, output=LaunchConfiguration("output")),
-            _node("irsbot_kinematics", "kinematics", robot=robot),
-            _node("irsbot_supervisor", "supervisor", robot=robot),
-            _node(
-                "irsbot_supervisor",
-                "simulated_joints",
-                simulate,
-                robot=robot,
-                scenario=LaunchConfiguration("scenario"),
-                gated=LaunchConfiguration("gate"),
-                remappings=[
-                    ("joint_trajectory", _gated("command_out", "joint_trajectory")),
-                    ("joint_velocity", _gated("velocity_out", "joint_velocity")),
-                ],
-            ),
-        ]
-    )
+    declared = [DeclareLaunchArgument(name, default_value=value, description=text) for name, value, text in ARGUMENTS]
+    return LaunchDescription([*declared, OpaqueFunction(function=_nodes)])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from threading import Condition, Event
+from threading import Event, current_thread
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,90 +11,36 @@ import pytest
 
 pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
-from builtin_interfaces.msg import Duration
-from std_msgs.msg import Float64MultiArray
-from supervised import feed, joints_of, ready, resting, sample, supervisor_of, tick
+from gated import PATIENCE_S, Opened
+from supervised import at_ns, feed, joints_of, ready, resting, sample, supervisor_of, tick
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from irsbot_msgs_py.records import Floats, Level
+from irsbot_msgs_py.records import Floats, JointSample, Level
 from irsbot_supervisor.core.pipeline import Supervisor
 from irsbot_supervisor.nodes import gate as module
-from irsbot_supervisor.nodes.gate import CommandGate
 
 pytestmark = pytest.mark.ros
 
-PATIENCE_S = 120.0
 NEAR = (0.0, -1.198)
 """A pose beyond the stop limit of Type 1."""
 
 
-class FakeNode:
-    """Keeps what is published by topic, hands over what is sent."""
-
-    def __init__(self) -> None:
-        self.said: dict[str, list[Any]] = {}
-        self.hears: dict[str, Any] = {}
-        self.log: list[str] = []
-        self.spoke = Condition()
-
-    def create_publisher(self, _kind: Any, topic: str, _qos: Any) -> Any:
-        said = self.said.setdefault(topic, [])
-
-        def publish(message: Any) -> None:
-            with self.spoke:
-                said.append(message)
-                self.spoke.notify_all()
-
-        return SimpleNamespace(publish=publish)
-
-    def create_subscription(self, _kind: Any, topic: str, callback: Any, _qos: Any) -> None:
-        self.hears[topic] = callback
-
-    def get_logger(self) -> Any:
-        def tell(text: str, **_more: Any) -> None:
-            self.log.append(text)
-
-        return SimpleNamespace(info=tell, warning=tell)
-
-
-class Opened:
-    """An open gate of a supervised robot."""
-
-    def __init__(self, supervisor: Supervisor) -> None:
-        self.node, self.errors = FakeNode(), []
-        node: Any = self.node
-        self.gate = CommandGate(node, supervisor.settings, supervisor.robot, supervisor, self.errors.append)
-        self.gate.open()
-
-    @property
-    def motions(self) -> list[int]:
-        """Numbers of points of what was published; 0 is a hold."""
-        return [len(message.points) for message in self.node.said["command_out"]]
-
-    def rates(self, *wanted: float) -> Floats:
-        self.node.hears["velocity_in"](Float64MultiArray(data=wanted))
-        return tuple(self.node.said["velocity_out"][-1].data)
-
-    def go(self, goal: Floats, first_ns: int = 10**9, last_s: int = 2) -> None:
-        """To the goal until `first_ns`, and stay there."""
-        message = JointTrajectory(joint_names=["joint_1", "joint_2"])
-        for after in (Duration(nanosec=first_ns), Duration(sec=last_s)):
-            message.points.append(JointTrajectoryPoint(positions=list(goal), time_from_start=after))
-        self.node.hears["command_in"](message)
-
-    def until_said(self, number: int) -> None:
-        with self.node.spoke:
-            heard = self.node.spoke.wait_for(lambda: len(self.motions) >= number, PATIENCE_S)
-        assert heard, f"{self.motions}, {self.node.log}, {self.errors}"
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
+    """The gate's steady clock: `now_ns` is the time of the test."""
+    now = SimpleNamespace(now_ns=at_ns(0)[1])
+    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic_ns=lambda: now.now_ns))
+    return now
 
 
 @pytest.fixture
-def opened() -> Iterator[Opened]:
+def opened(clock: SimpleNamespace) -> Iterator[Opened]:
     """At rest, far from every limit."""
     gate = Opened(ready()[0])
     yield gate
     gate.gate.end()
     assert gate.errors == []
+    gate.obeyed()
 
 
 class Pause:
@@ -105,8 +51,9 @@ class Pause:
         monkeypatch.setattr(module, "JointTrajectoryPoint", self._point)
 
     def _point(self, **fields: Any) -> JointTrajectoryPoint:
-        self.reached.set()
-        assert self.go_on.wait(PATIENCE_S)
+        if current_thread().name == "command gate":
+            self.reached.set()
+            assert self.go_on.wait(PATIENCE_S)
         return JointTrajectoryPoint(**fields)
 
 
@@ -126,8 +73,8 @@ def test_a_stop_that_comes_while_a_motion_is_put_into_a_message_has_the_last_wor
     supervisor.step(sample(1, (float("nan"),) * 2))
     opened.gate.beat(0)
     pause.go_on.set()
-    opened.until_said(2)
-    assert opened.motions == [0, 0]
+    opened.until_said(3)
+    assert opened.motions == [1, 1, 1]
     assert "a stop came" in opened.node.log[-1]
 
 
@@ -138,7 +85,7 @@ def test_nothing_follows_the_end_of_an_activation(opened: Opened, monkeypatch: p
     opened.gate.close()
     pause.go_on.set()
     opened.gate.end()
-    assert opened.motions == []
+    assert opened.motions == [1]
 
 
 def test_the_end_does_not_wait_for_a_motion_that_takes_for_ever(opened: Opened, monkeypatch: pytest.MonkeyPatch):
@@ -152,7 +99,7 @@ def test_the_end_does_not_wait_for_a_motion_that_takes_for_ever(opened: Opened, 
     pause.go_on.set()
     opened.gate._worker.join(PATIENCE_S)
     assert not opened.gate._worker.is_alive()
-    assert opened.motions == []
+    assert opened.motions == [1]
 
 
 def test_a_motion_that_takes_longer_than_messages_can_say_is_held(opened: Opened):
@@ -161,8 +108,123 @@ def test_a_motion_that_takes_longer_than_messages_can_say_is_held(opened: Opened
     assert opened.node.said["command_out"][0].points[-1].time_from_start.sec == 2_000_000_000
     opened.go(near_by(opened), first_ns=2_000_000, last_s=2_000_000_000)  # too fast: slowed down as a whole
     opened.until_said(2)
-    assert opened.motions[1] == 0
+    assert opened.motions[1] == 1
     assert "it takes" in opened.node.log[-1]
+
+
+HOLD_AFTER_S = 1.0
+"""s: a hold is shorter than this, whatever the robot does."""
+
+
+def is_hold(message: JointTrajectory) -> bool:
+    """Whether JointTrajectoryController of Jazzy accepts it and comes to rest by it: points, all joints, later than
+    now, at rest in the end."""
+    (point,) = message.points
+    after_s = point.time_from_start.sec + point.time_from_start.nanosec * 1e-9
+    n = len(message.joint_names)
+    return (
+        sorted(message.joint_names) == ["joint_1", "joint_2"]
+        and len(point.positions) == n
+        and list(point.velocities) == [0.0] * n
+        and 0.0 < after_s < HOLD_AFTER_S
+        and (message.header.stamp.sec, message.header.stamp.nanosec) == (0, 0)
+    )
+
+
+def moving(start: Floats, rate: float, begin_ms: int) -> list[JointSample]:
+    """100 ms of the first joint at a constant rate."""
+    return [sample(begin_ms + ms, (start[0] + 1e-3 * ms * rate, start[1]), (rate, 0.0)) for ms in range(100)]
+
+
+@pytest.mark.parametrize("way", ["deactivated", "stopped", "refused", "nonsense"])
+def test_a_hold_is_a_point_at_rest_ahead_of_the_moving_robot(opened: Opened, clock: SimpleNamespace, way: str):
+    supervisor, rate = opened.gate._supervisor, 1.0
+    clock.now_ns = at_ns(99)[1]
+    start = joints_of(supervisor, 0.0, -0.85)
+    *_, last = moving(start, rate, 0)
+    feed(supervisor, moving(start, rate, 0))
+    opened.gate.beat(0)
+    opened.node.said["command_out"].clear()
+    match way:
+        case "deactivated":
+            opened.gate.close()
+        case "stopped":
+            supervisor.step(sample(100, (float("nan"),) * 2))
+            opened.gate.beat(0)
+        case "refused":
+            opened.go((start[0] - 0.5, start[1]), first_ns=1)
+            opened.until_said(1)
+        case "nonsense":
+            opened.node.hears["command_in"](JointTrajectory(joint_names=["elbow"], points=[JointTrajectoryPoint()]))
+    (said,) = opened.node.said["command_out"]
+    assert is_hold(said)
+    brake, latency = supervisor.settings.deceleration_limit[0], supervisor.settings.latency_s
+    least = rate * rate / (2.0 * brake)
+    (point,) = said.points
+    assert last.position[0] + least < point.positions[0] < last.position[0] + least + 3.0 * rate * latency
+    assert point.positions[1] == pytest.approx(start[1], abs=1e-3)
+
+
+def test_without_news_of_the_robot_a_hold_stays_the_same_however_late_it_is_said(
+    opened: Opened, clock: SimpleNamespace
+):
+    """Where it would be by now if it had gone on is anywhere."""
+    supervisor, rate = opened.gate._supervisor, 1.0
+    *_, last = moving(joints_of(supervisor, 0.0, -0.85), rate, 0)
+    feed(supervisor, moving(joints_of(supervisor, 0.0, -0.85), rate, 0))
+    opened.gate.beat(0)
+    for late_ms in (5_000, 10_000, 300_000):
+        clock.now_ns = at_ns(99 + late_ms)[1]
+        supervisor.step(tick(99 + late_ms))
+        opened.gate.beat(0)
+        opened.node.hears["command_in"](JointTrajectory(joint_names=["elbow"], points=[JointTrajectoryPoint()]))
+    _first, *said = [message.points[0].positions[0] for message in opened.node.said["command_out"]]
+    assert len(said) == 4
+    assert max(said) - min(said) == 0.0
+    assert said[0] - last.position[0] < rate * (supervisor.settings.stale_s + 0.1)
+
+
+def test_a_robot_that_a_stop_has_brought_to_rest_is_held_where_it_stands_once(opened: Opened):
+    supervisor = opened.gate._supervisor
+    start = joints_of(supervisor, 0.0, -0.85)
+    feed(supervisor, moving(start, 1.0, 0))
+    opened.gate.beat(0)
+    supervisor.step(sample(100, (float("nan"),) * 2))
+    opened.gate.beat(0)
+    rest = (start[0] + 0.1, start[1])
+    feed(supervisor, resting(101, 800, rest))
+    for _ in range(3):
+        opened.gate.beat(0)
+    assert opened.motions == [1, 1, 1]  # of the beginning, of the stop, at rest
+    assert list(opened.node.said["command_out"][-1].points[0].positions) == pytest.approx(rest)
+
+
+def test_a_robot_that_is_found_moving_is_held(opened: Opened):
+    """What runs was let through by a supervisor that is gone."""
+    feed(opened.gate._supervisor, moving(joints_of(opened.gate._supervisor, 0.0, -0.85), 1.0, 0))
+    opened.gate.beat(0)
+    assert [is_hold(message) for message in opened.node.said["command_out"]] == [True]
+
+
+@pytest.mark.parametrize("rates", [(0.2, -0.2), (0.0, 0.0)])
+def test_the_last_rates_of_a_gate_that_closes_are_zeros(opened: Opened, rates: Floats):
+    """forward_command_controller keeps the last ones for ever."""
+    assert opened.rates(*rates) == rates
+    opened.gate.close()
+    said = [tuple(message.data) for message in opened.node.said["velocity_out"]]
+    assert said == ([rates, (0.0, 0.0)] if any(rates) else [rates])
+    opened.gate.close()
+    assert len(opened.node.said["velocity_out"]) == len(said)
+
+
+def test_nothing_is_said_where_nothing_was_ever_known():
+    opened = Opened(supervisor_of())
+    opened.go((0.1, 0.2))
+    opened.gate.beat(0)
+    opened.gate.close()
+    opened.gate.end()
+    assert opened.motions == []
+    assert opened.node.said["velocity_out"] == []
 
 
 def stopped() -> Supervisor:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import signal
 import time
 from collections.abc import Callable, Iterator
 from math import nan
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -13,6 +15,7 @@ pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
 from builtin_interfaces.msg import Duration
 from cell import NAMES, PATIENCE_S, ROBOT, Cell, Wire
+from lifecycle_msgs.msg import Transition
 from rclpy.qos import QoSProfile
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -85,8 +88,10 @@ class Station:
         too busy for its samples makes the gate hold; then the motion is commanded again, as an operator would."""
         deadline = time.monotonic() + PATIENCE_S
         while time.monotonic() < deadline:
-            motion = self.go(goal, seconds=seconds)
-            if motion.points and self._arrived(tuple(motion.points[-1].positions)):
+            begin, motion = self.joints, self.go(goal, seconds=seconds)
+            end = tuple(motion.points[-1].positions)
+            held = _near(end, begin) and not _near(goal, begin)
+            if not held and self._arrived(end):
                 return self.joints
             self.cell.heard(lambda verdict: verdict.level <= Level.WARN, "leave to move")
         raise AssertionError(f"the robot did not arrive in {PATIENCE_S:.0f} s")
@@ -97,20 +102,23 @@ class Station:
         told, seen = len(self.motions), len(self.cell.states)
         self.until(
             lambda: (
-                len(self.motions) > told or self._near(end) or (len(self.cell.states) > seen + RATE_HZ and self.stands)
+                len(self.motions) > told
+                or _near(end, self.joints)
+                or (len(self.cell.states) > seen + RATE_HZ and self.stands)
             ),
             "the end of the motion",
         )
-        if self._near(end):
+        if _near(end, self.joints):
             self.until(lambda: self.stands, "standstill")
-        return self._near(end)
-
-    def _near(self, goal: Floats) -> bool:
-        return max(abs(a - b) for a, b in zip(self.joints, goal, strict=True)) < 1e-4
+        return _near(end, self.joints)
 
     def _speak(self) -> None:
         if self.wanted is not None:
             self.velocity.publish(Float64MultiArray(data=list(self.wanted)))
+
+
+def _near(a: Floats, b: Floats) -> bool:
+    return max(abs(one - other) for one, other in zip(a, b, strict=True)) < 1e-4
 
 
 @pytest.fixture(scope="module")
@@ -179,5 +187,26 @@ def test_a_trajectory_through_a_limit_ends_in_front_of_it(station: Station):
     ("goal", "names"), [((nan, 0.0), NAMES), ((0.1, 0.2), ("joint_1", "elbow")), ((0.1,), ("joint_1",))]
 )
 def test_a_trajectory_that_is_none_means_hold(station: Station, goal: Floats, names: tuple[str, ...]):
-    assert station.go(goal, names=names).points == []
+    (rest,) = station.go(goal, names=names).points
+    assert tuple(rest.positions) == pytest.approx(station.joints, abs=1e-3)
+    assert tuple(rest.velocities) == (0.0, 0.0)
     assert not station.cell.verdicts[-1].latched
+
+
+def test_a_supervisor_that_ends_while_velocities_pass_says_zeros_and_a_hold_as_its_last_words(tmp_path: Path):
+    """A velocity controller keeps what it heard last, for ever."""
+    with Wire(tmp_path) as wire:
+        station = Station(wire)
+        station.wanted = (0.2, -0.2)
+
+        def silenced_while_moving(silence: Callable[[], Any]) -> None:
+            station.until(lambda: station.velocities and station.velocities[-1] == station.wanted, "motion")
+            holds = len(station.motions)
+            silence()
+            station.until(lambda: station.velocities[-1] == (0.0, 0.0), "zeros")
+            station.until(lambda: len(station.motions) > holds, "a hold")
+            assert len(station.motions[-1].points) == 1
+
+        silenced_while_moving(lambda: station.cell.change(Transition.TRANSITION_DEACTIVATE))
+        assert station.cell.change(Transition.TRANSITION_ACTIVATE)
+        silenced_while_moving(lambda: station.cell.suite.end("supervisor", signal.SIGTERM))

@@ -105,6 +105,22 @@ def test_a_verdict_comes_with_every_change_and_at_least_every_heartbeat():
     assert stopped.verdict.level == Level.UNKNOWN
 
 
+@pytest.mark.parametrize("early_ms", [0.0, 0.2, 3.0])
+def test_no_tick_of_the_timer_is_dropped_for_coming_early(early_ms: float):
+    """Timers keep their average period: a tick that was late is followed by one that seems early."""
+    supervisor, _q = ready()
+    due = [HEARTBEAT_MS * number - early_ms * (number % 2) for number in range(1, 40)]
+    spoken = [ms for ms in due if supervisor.step(tick(ms)).verdict is not None]
+    assert spoken == due
+
+
+def test_a_tick_repeats_no_verdict_that_was_spoken_just_now():
+    supervisor, _q = ready()
+    assert supervisor.step(sample(100.0, (nan, nan))).verdict is not None
+    assert supervisor.step(tick(100.5)).verdict is None
+    assert supervisor.step(tick(102.0)).verdict is not None
+
+
 def test_verdicts_are_numbered_and_carry_the_hash_of_the_settings():
     supervisor, q = ready()
     verdicts = [step.verdict for step in feed(supervisor, resting(0, 100, q)) if step.verdict is not None]
@@ -568,6 +584,27 @@ def test_no_change_of_settings_clears_a_stop():
         answer = supervisor.step(configure(ms, supervisor, **change))
         assert (answer.verdict.latched, answer.verdict.event) == (True, verdict.event)
     assert newest(feed(supervisor, resting(2410, 2600, q))).latched
+
+
+def test_what_a_bad_sample_showed_is_no_reason_any_more_once_nothing_comes():
+    """A joint that was missing five seconds ago: by now nobody speaks at all, and that is the reason."""
+    supervisor, q = ready(dwell_s=0.0)
+    newest(feed(supervisor, [sample(ms, q[:1], names=JOINTS[:1]) for ms in range(100)]))
+    missing = supervisor.step(tick(110)).verdict
+    assert missing is not None
+    assert missing.causes & Cause.NAMES
+    later = supervisor.step(tick(5000)).verdict
+    assert later is not None
+    assert (later.level, later.causes) == (Level.UNKNOWN, Cause.STALE)
+
+
+def test_a_joint_that_was_never_there_is_no_reason_once_nothing_comes():
+    supervisor = supervisor_of(dwell_s=0.0)
+    q = joints_of(supervisor, 0.0, -0.85)
+    feed(supervisor, [sample(ms, q[:1], names=JOINTS[:1]) for ms in range(100)])
+    later = supervisor.step(tick(5000)).verdict
+    assert later is not None
+    assert (later.level, later.causes) == (Level.UNKNOWN, Cause.NO_DATA)
 
 
 def test_an_error_inside_is_unknown_until_a_sample_is_judged_without_one():

@@ -81,7 +81,7 @@ def actions(draw: st.DrawFn) -> tuple[str, object]:
                         {"velocity_limit": [12.0, 12.0]},
                         {"velocity_limit": [1.0, 1.0]},
                         {"reaction_check": "stop"},
-                        {"reaction_check": "off"},
+                        {"reaction_check": "none"},
                     ]
                 )
             )

@@ -190,7 +190,7 @@ def test_joints_to_which_no_pose_belongs_are_no_knowledge_whatever_else_is_said(
 # --- reactions --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("word", "level"), [("off", None), ("warn", Level.WARN), ("stop", Level.STOP)])
+@pytest.mark.parametrize(("word", "level"), [("none", None), ("warn", Level.WARN), ("stop", Level.STOP)])
 def test_a_leg_force_is_graded_as_its_word_says(word, level):
     table = [(0.0, 0), (100.0, 0), (-100.0, 0), (100.1, 1), (-100.1, 1), (inf, 1), (nan, 1)]
     for force, found in table:

@@ -47,7 +47,9 @@ class FakeNode:
     def get_logger(self) -> Any:
         return SimpleNamespace(warning=lambda text, **_: self.warnings.append(text))
 
-    def create_subscription(self, kind: Any, topic: str, callback: Any, qos: QoSProfile, raw: bool) -> Any:
+    def create_subscription(
+        self, kind: Any, topic: str, callback: Any, qos: QoSProfile, raw: bool, **_more: Any
+    ) -> Any:
         return SimpleNamespace(handle=self.queue, msg_type=kind, callback=callback)
 
 

@@ -6,6 +6,7 @@ from dataclasses import asdict, fields
 from math import inf, nan
 
 import pytest
+import yaml
 from supervised import settings_of
 
 import irsbot_kinematics as irs
@@ -65,15 +66,22 @@ def test_no_margin_is_switched_off_by_a_zero(name):
     assert name in refused(**{name: 0.0})
 
 
-@pytest.mark.parametrize("word", ["", "Stop", "none", 0, True, ["off"]])
+@pytest.mark.parametrize("word", ["", "Stop", "nothing", 0, True, ["none"]])
 def test_a_word_that_is_not_in_the_list_is_refused_with_the_list(word):
-    assert "off, warn, stop" in refused(reaction_check=word) or "one value" in refused(reaction_check=word)
+    assert "none, warn, stop" in refused(reaction_check=word) or "one value" in refused(reaction_check=word)
 
 
-def test_the_bare_word_off_of_a_yaml_file_is_understood(tmp_path):
+@pytest.mark.parametrize("said", ["off", "'off'", "no", "none"])
+def test_bags_and_yaml_files_that_say_off_mean_none(tmp_path, said):
     file = tmp_path / "mine.yaml"
-    file.write_text("reaction_check: off\n")
-    assert settings_of(**read_values(file))[0].reaction_check == "off"
+    file.write_text(f"reaction_check: {said}\n")
+    assert settings_of(**read_values(file))[0].reaction_check == "none"
+
+
+def test_no_word_of_a_setting_is_something_else_in_yaml():
+    for entry in fields(Settings):
+        for word in entry.metadata.get("words") or ():
+            assert yaml.safe_load(word) == word
 
 
 @pytest.mark.parametrize(

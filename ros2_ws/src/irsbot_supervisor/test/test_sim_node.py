@@ -26,6 +26,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from irsbot_msgs_py.cdr import decode_joint_state
 from irsbot_msgs_py.records import JointSample, Level
+from irsbot_supervisor.suite import free_domain
 
 pytestmark = [
     pytest.mark.ros,
@@ -256,3 +257,24 @@ def test_a_wrong_parameter_is_one_line_and_exit_code_2(parameters, words):
         assert process.returncode == 2
         assert len(err.splitlines()) == 1
         assert words in err
+
+
+LONELY = """
+import irsbot_supervisor.nodes.simulated_joints as module
+module.LONELY_S = 0.2
+module.main()
+"""
+
+
+def test_joints_that_hear_no_supervisor_say_once_where_they_listen():
+    """A supervisor of another name says its verdicts elsewhere."""
+    environment = {**os.environ, "ROS_DOMAIN_ID": str(free_domain())}
+    pipe = subprocess.PIPE
+    with subprocess.Popen([sys.executable, "-c", LONELY], stderr=pipe, text=True, env=environment) as process:
+        assert process.stderr is not None
+        said = next(line for line in process.stderr if "no verdict" in line)
+        process.send_signal(signal.SIGINT)
+        rest = process.stderr.read()
+    assert "no verdict on /supervisor/verdict" in said
+    assert "-r supervisor/verdict:=NAME/verdict" in said
+    assert "no verdict" not in rest

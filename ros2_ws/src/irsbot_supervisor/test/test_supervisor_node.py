@@ -11,23 +11,29 @@ import time
 from collections.abc import Callable, Iterator
 from itertools import count
 from pathlib import Path
+from typing import Any
 
 import pytest
+import yaml
 
 pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
 from builtin_interfaces.msg import Time
-from cell import GOOD, NAMES, NEAR, PATIENCE_S, Cell, Wire, going, resting, sample, swinging
-from diagnostic_msgs.msg import DiagnosticArray
+from cell import GOOD, NAMES, NEAR, PATIENCE_S, PERIOD_S, Cell, Wire, going, resting, sample, swinging
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from irsbot_msgs.msg import Verdict as VerdictMessage
 from irsbot_msgs.srv import BypassStop, CheckTrajectory
 from lifecycle_msgs.msg import Transition
+from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
 from rclpy.duration import Duration
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.parameter import get_parameter_value, parameter_dict_from_yaml_file, parameter_value_to_python
+from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.utilities import get_rmw_implementation_identifier
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
-from std_msgs.msg import String
+from std_msgs.msg import Bool, String
 from trajectory_msgs.msg import JointTrajectoryPoint
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -171,6 +177,58 @@ def test_a_change_of_parameters_is_refused_as_a_whole_or_comes_into_force_as_a_w
     warned = cell.heard_level(Level.WARN)
     assert warned.causes == Cause.TYPE2
     assert cell.set(type1_stop=0.15, type1_warn=0.25, type2_warn=0.25) == (True, "")
+
+
+def test_what_the_ros2_tools_make_of_a_dump_is_accepted_and_changes_nothing(cell: Cell, tmp_path: Path):
+    """`ros2 param dump` writes values as YAML, `ros2 param load` guesses types with rclpy's own functions."""
+    names = cell.call(ListParameters, "supervisor/list_parameters", ListParameters.Request()).result.names
+    request = GetParameters.Request(names=names)
+
+    def values() -> dict[str, Any]:
+        return dict(zip(names, cell.call(GetParameters, "supervisor/get_parameters", request).values, strict=True))
+
+    before, plain = values(), {}
+    for name, value in before.items():
+        python = parameter_value_to_python(value)
+        plain[name] = python if isinstance(python, (str, int, float)) else list(python)
+    file = tmp_path / "dump.yaml"
+    file.write_text(yaml.dump({"/supervisor": {"ros__parameters": plain}}, default_flow_style=False))
+    loaded = parameter_dict_from_yaml_file(str(file))
+    answer = cell.call(
+        SetParameters, "supervisor/set_parameters", SetParameters.Request(parameters=list(loaded.values()))
+    )
+    refused = [r.reason for r in answer.results if not r.successful and "read-only" not in r.reason]
+    assert refused == []
+    assert values() == before
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "kept"),
+    [
+        ("reaction_check", "off", "none"),
+        ("reaction_check", "none", "none"),
+        ("load_force_n", "10", 10.0),
+        ("encoder_resolution", "1e-05", 1e-5),
+        ("velocity_limit", "[12, 12]", [12.0, 12.0]),
+    ],
+)
+def test_what_the_ros2_tools_make_of_a_typed_value_is_accepted(cell: Cell, name: str, text: str, kept: Any):
+    request = SetParameters.Request(parameters=[ParameterMessage(name=name, value=get_parameter_value(text))])
+    (result,) = cell.call(SetParameters, "supervisor/set_parameters", request).results
+    assert (result.successful, result.reason) == (True, "")
+    (value,) = cell.call(GetParameters, "supervisor/get_parameters", GetParameters.Request(names=[name])).values
+    found = parameter_value_to_python(value)
+    assert (found if isinstance(found, (str, float)) else list(found)) == kept
+
+
+@pytest.mark.parametrize(
+    ("name", "text"), [("latency_s", "soon"), ("latency_s", "nan"), ("reaction_check", "true"), ("dwell_s", "true")]
+)
+def test_a_typed_value_that_means_nothing_is_refused(cell: Cell, name: str, text: str):
+    request = SetParameters.Request(parameters=[ParameterMessage(name=name, value=get_parameter_value(text))])
+    (result,) = cell.call(SetParameters, "supervisor/set_parameters", request).results
+    assert not result.successful
+    assert result.reason
 
 
 def test_a_latched_stop_survives_a_change_of_settings_and_ends_by_the_right_reset_alone(wire: Wire):
@@ -404,6 +462,8 @@ def test_a_trajectory_is_checked_while_the_robot_stands(cell: Cell):
     near_by = GOOD[0] - 0.1, GOOD[1] + 0.1
     safe = check(cell, GOOD, near_by)
     assert safe.safe
+    assert all(map(math.isfinite, safe.margin_min))  # of the margins that this robot has
+    assert len(safe.margin_cause) == len(safe.margin_min) == len(safe.margin_min_time) > 0
     assert math.isnan(safe.violation_time)
     violated = check(cell, GOOD, NEAR)
     assert not violated.safe
@@ -500,12 +560,87 @@ def diagnostics(shared: Cell) -> Statuses:
 def test_diagnostics_have_one_status_per_check(cell: Cell, diagnostics: Statuses):
     checks = ("margins", "motion", "branch", "joint states", "velocities", "supervisor")
     cell.wire.until(lambda: diagnostics)
-    assert set(diagnostics[-1]) == {*checks, "joint states rate", "joint states publishers", "verdict subscribers"}
+    others = {"joint states rate", "joint states units", "joint states publishers", "verdict subscribers"}
+    assert set(diagnostics[-1]) == {*checks, *others}
     cell.wire.until(lambda: all(diagnostics[-1][check] == (b"\x00", "OK") for check in checks))
     cell.say = lambda t: bad(t, position=(math.nan, 0.0))
-    cell.wire.until(lambda: diagnostics[-1]["joint states"][0] == b"\x03")
+    cell.wire.until(lambda: diagnostics[-1]["joint states"][0] == DiagnosticStatus.ERROR)
     assert "nan" in diagnostics[-1]["joint states"][1]
     assert diagnostics[-1]["margins"] == (b"\x00", "OK")
+
+
+def test_diagnostics_have_the_figures_as_values(cell: Cell):
+    heard: list[DiagnosticArray] = []
+    cell.node.create_subscription(DiagnosticArray, "/diagnostics", heard.append, 10)
+
+    def values(check: str) -> dict[str, str]:
+        statuses = heard[-1].status if heard else ()
+        return {v.key: v.value for status in statuses if status.name.endswith(f": {check}") for v in status.values}
+
+    cell.wire.until(lambda: values("supervisor").get("level") == "OK" and "samples [1/s]" in values("joint states"))
+    cell.wire.until(lambda: 0.0 < float(values("joint states")["samples [1/s]"]) < 2.0 / PERIOD_S, "a rate of samples")
+    state, margins, supervisor = cell.states[-1], values("margins"), values("supervisor")
+    assert float(margins["Type 1"]) == pytest.approx(min(state.type1_margin), abs=1e-5)
+    assert float(margins["while stopping"]) == pytest.approx(state.stop_margin, abs=1e-5)
+    assert float(margins["stop limit"]) == state.stop_limit
+    assert "constraint" in margins
+    assert "limb" not in margins  # this robot has none
+    assert supervisor["settings"] == cell.verdicts[-1].config_hash
+    assert supervisor["event"] == str(cell.verdicts[-1].event)
+    assert float(values("joint states")["since arrival [s]"]) >= 0.0
+
+
+def test_levels_and_the_life_cycle_are_logged_once(wire: Wire):
+    cell = Cell(wire)
+    cell.heard_level(Level.OK)
+    cell.logged("OK: motion is allowed")
+    cell.say = lambda t: None
+    cell.heard_level(Level.UNKNOWN)
+    cell.logged("UNKNOWN: no usable sample for more than 50 ms")
+    for step in (*ANEW, Transition.TRANSITION_ACTIVATE, Transition.TRANSITION_ACTIVE_SHUTDOWN):
+        assert cell.change(step)
+    for words in ("deactivated", "cleaned up", "configured", "supervising irsbot2", "shut down in state 'active'"):
+        cell.logged(words)
+    assert "on /supervisor/verdict" in cell.printed
+    assert cell.printed.count("UNKNOWN: no usable sample for more than") <= 2
+
+
+def test_plain_listeners_hear_whether_motion_is_safe_and_notice_silence(wire: Wire):
+    """A gateway that knows no irsbot_msgs, and asks for a deadline and for signs of life."""
+    cell = Cell(wire)
+    heard: list[bool] = []
+    missed: list[object] = []
+    promise = Duration(seconds=0.1)
+    qos = QoSProfile(
+        depth=1,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL,
+        deadline=promise,
+        liveliness=LivelinessPolicy.MANUAL_BY_TOPIC,
+        liveliness_lease_duration=promise,
+    )
+    lost: list[object] = []
+    events = SubscriptionEventCallbacks(deadline=missed.append, liveliness=lost.append)
+    cell.node.create_subscription(Bool, "supervisor/safe", lambda m: heard.append(m.data), qos, event_callbacks=events)
+    verdicts: list[VerdictMessage] = []
+    cell.node.create_subscription(VerdictMessage, "supervisor/verdict", verdicts.append, qos)
+    cell.heard_level(Level.OK)
+    wire.until(lambda: heard and heard[-1] and verdicts)
+    cell.say = lambda t: None
+    wire.until(lambda: not heard[-1], "false at UNKNOWN")
+    cell.say = resting(GOOD)
+    wire.until(lambda: heard[-1], "true again")
+    process = cell.suite.processes["supervisor"]
+    seen = len(missed), len(lost)
+    process.send_signal(signal.SIGSTOP)
+    wire.until(lambda: len(missed) > seen[0] and len(lost) > seen[1], "a frozen supervisor is noticed")
+    process.send_signal(signal.SIGCONT)
+    wire.until(lambda: heard[-1])
+    assert cell.change(Transition.TRANSITION_DEACTIVATE)
+    wire.until(lambda: not heard[-1], "false as the last word")
+    late: list[bool] = []
+    cell.node.create_subscription(Bool, "supervisor/safe", lambda m: late.append(m.data), qos)
+    wire.until(lambda: late, "who comes late")
+    assert late == [False]
 
 
 def test_diagnostics_of_a_latched_stop_say_so(wire: Wire):
@@ -535,13 +670,21 @@ def test_partners_that_ask_for_or_offer_another_quality_of_service_are_reported(
         assert "not heard: /fieldbus" in diagnostics[-1]["joint states publishers"][1]
         assert "reliable" in diagnostics[-1]["joint states publishers"][1]
     with cell.company("drive") as drive:
-        deadline = QoSProfile(depth=1, deadline=Duration(seconds=1))  # nobody promised one
+        deadline = QoSProfile(depth=1, deadline=Duration(seconds=0.01))  # sooner than is promised
         drive.create_subscription(VerdictMessage, "supervisor/verdict", lambda message: None, deadline)
         cell.wire.until(lambda: diagnostics[-1]["verdict subscribers"][0] == b"\x02")
         assert "do not hear the verdict: /drive" in diagnostics[-1]["verdict subscribers"][1]
     cell.wire.until(lambda: diagnostics[-1]["verdict subscribers"][0] == b"\x00")
     assert "not heard: /fieldbus" in cell.printed
     assert "do not hear the verdict: /drive" in cell.printed
+
+
+def test_best_effort_joint_states_are_heard_on_request(wire: Wire):
+    cell = Cell(wire, **{"qos_overrides./joint_states.subscription.reliability": "best_effort"})
+    cell.node.destroy_publisher(cell.joints)
+    best_effort = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+    cell.joints = cell.node.create_publisher(JointState, "joint_states", best_effort)
+    cell.heard_level(Level.OK)
 
 
 def test_markers_show_level_margin_and_the_way_out(wire: Wire):

@@ -18,6 +18,13 @@ from irsbot_kinematics.robot import Robot, load_robot, make_robot
 from irsbot_msgs_py.convert import state_msg
 from irsbot_msgs_py.records import Cause, Level, SingularityState, unknown_state
 from irsbot_msgs_py.shell import run
+from irsbot_msgs_py.stamps import NS_PER_S
+
+MOST = 20_000
+"""Postures or poses of one request: others wait meanwhile, and a state takes 2 kB."""
+
+BUSY_S = 1.0
+"""s: longest that one request is worked at. The robots differ: one posture takes from 0.03 ms to 1.5 ms."""
 
 
 class KinematicsNode(Node):
@@ -52,12 +59,18 @@ class KinematicsNode(Node):
         return text
 
     def _inverse(self, request: SolveInverse.Request, response: SolveInverse.Response) -> SolveInverse.Response:
+        response.message = too_many(len(request.poses), len(self._robot.mechanism.task), "poses")
+        if response.message:
+            return response
         answer = solve_inverse(self._robot, request.poses, tuple(request.working_mode))
         response.joints, response.status = answer.joints, answer.status
         response.reach, response.message = answer.reach, answer.message
         return response
 
     def _direct(self, request: SolveDirect.Request, response: SolveDirect.Response) -> SolveDirect.Response:
+        response.message = too_many(len(request.joints), len(self._robot.mechanism.joints), "postures")
+        if response.message:
+            return response
         answer = solve_direct(self._robot, request.joints, request.assembly_mode, tuple(request.seed))
         response.poses, response.status, response.gap = answer.poses, answer.status, answer.gap
         response.assembly_mode, response.message = answer.assembly_mode, answer.message
@@ -66,6 +79,9 @@ class KinematicsNode(Node):
     def _evaluate(self, request: EvaluateJoints.Request, response: EvaluateJoints.Response) -> EvaluateJoints.Response:
         now_ns, seen_ns = self.get_clock().now().nanoseconds, time.monotonic_ns()
         width = len(self._robot.mechanism.joints)
+        response.message = too_many(len(request.joints), width, "postures")
+        if response.message:
+            return response
         joints = tuple(request.joints)
         if not joints or len(joints) % width:
             response.message = f"joints must hold a multiple of {width} numbers, got {len(joints)}"
@@ -73,6 +89,9 @@ class KinematicsNode(Node):
         rows = [joints[i : i + width] for i in range(0, len(joints), width)]
         times, states, failed = (now_ns, now_ns, seen_ns), [], ""
         for number, row in enumerate(rows):
+            if time.monotonic_ns() - seen_ns > BUSY_S * NS_PER_S:
+                response.message = f"{BUSY_S:g} s were enough for {number} of {len(rows)} postures: ask for fewer"
+                return response
             try:
                 states.append(evaluation(self._robot, row, request.assembly_mode or None, times, number))
             except BadInput as error:
@@ -83,6 +102,13 @@ class KinematicsNode(Node):
                 states.append(_unknown(self._robot, row, times, number, Cause.INTERNAL))
         response.states, response.message = [state_msg(state) for state in states], failed
         return response
+
+
+def too_many(numbers: int, width: int, what: str) -> str:
+    """Why a request is too large, or empty. numbers: as they come, `width` per item."""
+    if numbers <= MOST * width:
+        return ""
+    return f"at most {MOST} {what} in one request, got {numbers // width}: ask in parts"
 
 
 def evaluation(

@@ -128,10 +128,10 @@ def _configure(line: Line, changes: dict[str, Any], tally: Tally) -> tuple[str, 
 
 def _is_in_force(now: Any, wanted: Any) -> bool:
     """Whether a setting is what was asked for: one value for all joints is repeated, empty names and modes are filled
-    in, YAML's false is the word off."""
+    in, YAML's false is the word none."""
     if wanted is None or wanted in ((), []) or (type(wanted) is int and wanted == 0):
         return True
-    if wanted is False and now == "off":
+    if wanted is False and now == "none":
         return True
     each = tuple(wanted) if isinstance(wanted, (list, tuple)) else (wanted,)
     if isinstance(now, tuple):

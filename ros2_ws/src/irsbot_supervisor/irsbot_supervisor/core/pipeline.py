@@ -52,6 +52,13 @@ class Configure(NamedTuple):
 
 Event = JointSample | Tick | Reset | Bypass | Configure
 
+FOREVER = 2**63
+"""ns: later than any clock."""
+
+JUST_NOW = 0.1
+"""1: share of the heartbeat. A verdict younger than this need not be repeated at a tick; so silence is at most 1.1
+heartbeats long."""
+
 
 class Step(NamedTuple):
     """What an event leads to: each part None where there is nothing to publish."""
@@ -82,6 +89,7 @@ class Supervisor:
         self._at: Posture | None = None  # where the last good sample was
         self._stale = False
         self._found: list[Finding] = []
+        self._found_until_ns = FOREVER  # what a rejected sample showed is no news once nothing comes any more
         self._silence: list[Finding] = []
         self.rejections: dict[Cause, int] = {}
         """Rejected samples by reason."""
@@ -102,7 +110,7 @@ class Supervisor:
             refusal = self._reset(event)
         elif isinstance(event, Bypass):
             refusal = self._bypass(event)
-        verdict = self._speak(event.seen_ns, changed or bool(latch.turns))
+        verdict = self._speak(event, changed or bool(latch.turns))
         return Step(state, verdict, refusal, tuple(latch.turns))
 
     def _set(self, settings: Settings) -> None:
@@ -155,6 +163,7 @@ class Supervisor:
         """What an error inside means, of `step` too: UNKNOWN, whatever the samples said, until one is judged without
         error."""
         text = f"{type(error).__name__}: {error}"
+        self._found_until_ns = FOREVER
         self._found = [Finding(Cause.INTERNAL, Level.UNKNOWN, nan, nan, "", text)]
         self._hold(seen_ns)
         return Step(None, self._verdict(seen_ns), "", tuple(self._latch.turns))
@@ -166,7 +175,9 @@ class Supervisor:
         end_ns = latch.bypassed_until_ns
         if end_ns is not None and end_ns <= seen_ns and good is not None and end_ns <= good.seen_ns + self._stale_ns:
             latch.update(self._found, end_ns)  # or silence has ended it before
-        latch.keep(self._found, seen_ns)
+        latch.keep(self._found, min(seen_ns, self._found_until_ns))
+        if seen_ns > self._found_until_ns:
+            self._found, self._found_until_ns = [], FOREVER
         if good is None:
             text = "no usable sample has arrived"
             self._silence = [Finding(Cause.NO_DATA, Level.UNKNOWN, nan, nan, "", text)]
@@ -207,6 +218,7 @@ class Supervisor:
             return self._rejected(sample, estimate)
         assessment = self._assess(estimate)
         at = assessment.at
+        self._found_until_ns = FOREVER
         if at.status != SOLVED:
             self._found = self._policy.judge(estimate, assessment, None, (), 0)
             self._hold(sample.seen_ns)
@@ -237,6 +249,7 @@ class Supervisor:
     def _rejected(self, sample: JointSample, why: Rejected) -> SingularityState:
         self.rejections[why.cause] = self.rejections.get(why.cause, 0) + 1
         if not why.harmless:
+            self._found_until_ns = sample.seen_ns + self._stale_ns
             self._found = [Finding(why.cause, Level.UNKNOWN, nan, nan, "", why.text)]
             self._hold(sample.seen_ns)
         return self._reporter.rejected(sample, self._samples, why.cause)
@@ -315,10 +328,10 @@ class Supervisor:
         size = sqrt(sum([s * s for s in slope]))
         return tuple([s / size for s in slope]) if 0.0 < size < inf else ()
 
-    def _speak(self, seen_ns: int, changed: bool) -> Verdict | None:
-        if not changed and seen_ns - self._spoken_ns < self._heartbeat_ns:
-            return None
-        return self._verdict(seen_ns)
+    def _speak(self, event: Event, changed: bool) -> Verdict | None:
+        """Every tick is a heartbeat, also one that comes a little early: the next is as far away as usual."""
+        rest_ns = round(JUST_NOW * self._heartbeat_ns) if isinstance(event, Tick) else self._heartbeat_ns
+        return self._verdict(event.seen_ns) if changed or event.seen_ns - self._spoken_ns >= rest_ns else None
 
     def _verdict(self, seen_ns: int) -> Verdict:
         self._verdicts += 1

@@ -44,7 +44,7 @@ class Policy:
         self._units = [f"{joint.unit}/s" for joint in joints]
         self._speed = settings.velocity_limit
         self._settling = SETTLING * settings.stale_s
-        self._reaction_level = {"off": Level.OK, "warn": Level.WARN, "stop": Level.STOP}[settings.reaction_check]
+        self._reaction_level = {"none": Level.OK, "warn": Level.WARN, "stop": Level.STOP}[settings.reaction_check]
         self._reaction_limit = settings.reaction_limit_n
 
     def judge(

@@ -88,7 +88,7 @@ class Settings:
     payload_kg: float = _number(0.0, "kg", "platform and payload, whose weight adds to the load", 0.0, 1e4)
     gravity_m_s2: float = _number(9.80665, "m/s2", "what the payload weighs by", 0.0, 100.0)
     load_moment_nm: float = _number(0.0, "N m", "moment on the platform for reaction_max", 0.0, 1e6)
-    reaction_check: str = _word("off", "what an excessive leg force leads to", ("off", "warn", "stop"))
+    reaction_check: str = _word("none", "what an excessive leg force leads to", ("none", "warn", "stop"))
     reaction_limit_n: float = _number(1000.0, "N", "largest admissible leg force", 0.0, 1e9)
 
     @property
@@ -130,8 +130,8 @@ def _is_open(value: Any) -> bool:
 
 def _read(value: Any, metadata: Mapping[str, Any], n: int) -> Any:
     """A value as the settings keep it: tuples, floats, one per joint. What is of no use is left for the check."""
-    if metadata.get("words") and value is False:
-        return "off"  # what YAML makes of the bare word
+    if metadata.get("words") and (value is False or value == "off"):
+        return "none"  # as recorded bags and files of users say it; YAML reads the bare word `off` as a boolean
     each = tuple(value) if isinstance(value, (list, tuple)) else (value,)
     if "low" in metadata:
         each = tuple(float(number) if _is_number(number) else number for number in each)

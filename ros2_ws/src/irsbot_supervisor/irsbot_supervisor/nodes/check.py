@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import nan
+from math import inf, nan
 from typing import NamedTuple
 
 from irsbot_msgs.srv import CheckTrajectory
@@ -28,18 +28,19 @@ class Motion(NamedTuple):
     is_of_platform: bool
 
 
-def asked(robot: Robot, settings: Settings, request: CheckTrajectory.Request) -> Task:
-    """What has to be computed for a request: a certificate, or a text. Raises BadTrajectory."""
-    return Task(certificate, (robot, settings, _motion(robot, settings, request)))
+def asked(robot: Robot, settings: Settings, request: CheckTrajectory.Request, ahead_s: float) -> Task:
+    """What has to be computed for a request: a certificate, or a text. ahead_s: for how long the robot goes on unseen.
+    Raises BadTrajectory."""
+    return Task(certificate, (robot, settings, _motion(robot, settings, request), ahead_s))
 
 
-def certificate(robot: Robot, settings: Settings, motion: Motion) -> Certificate | str:
+def certificate(robot: Robot, settings: Settings, motion: Motion, ahead_s: float) -> Certificate | str:
     """The certificate of a motion, or why it is none."""
     times, positions, velocities, mode, is_of_platform = motion
     try:
         if is_of_platform:
             return certify_poses(robot, settings, times, positions, mode)
-        return certify(robot, settings, times, positions, velocities, mode)
+        return certify(robot, settings, times, positions, velocities, mode, ahead_s=ahead_s)
     except BadTrajectory as error:
         return str(error)
 
@@ -50,9 +51,10 @@ def answered(found: Certificate | str, response: CheckTrajectory.Response) -> Ch
         return refused(response, found)
     response.violation_time = response.violation_value = response.violation_limit = nan
     response.safe = found.safe
-    response.margin_cause = [int(kind) for kind in KINDS]
-    response.margin_min = [value for value, _time in found.minima]
-    response.margin_min_time = [time for _value, time in found.minima]
+    had = [(kind, *least) for kind, least in zip(KINDS, found.minima, strict=True) if least[0] < inf]
+    response.margin_cause = [int(kind) for kind, _value, _time in had]
+    response.margin_min = [value for _kind, value, _time in had]
+    response.margin_min_time = [time for _kind, _value, time in had]
     violation = found.violation
     response.message = violation.text if violation else ""
     if violation:

@@ -1,12 +1,21 @@
-"""/diagnostics once a second: one status per check, through the standard messages."""
+"""/diagnostics once a second: one status per check, through the standard messages.
+
+STOP and UNKNOWN are errors. STALE is left to who aggregates: of a supervisor that is frozen or gone nothing comes.
+"""
 
 from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from math import isfinite, tau
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
-from irsbot_msgs_py.records import Cause, Level, Verdict
+from irsbot_kinematics import Coordinate
+from irsbot_msgs_py.records import Cause, Level, SingularityState, Verdict
+from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.core.pipeline import Supervisor
 from irsbot_supervisor.nodes.guard import Fail, guarded
 from irsbot_supervisor.nodes.partners import Finding, Partners
@@ -29,50 +38,89 @@ _LEVELS = {
     Level.OK: DiagnosticStatus.OK,
     Level.WARN: DiagnosticStatus.WARN,
     Level.STOP: DiagnosticStatus.ERROR,
-    Level.UNKNOWN: DiagnosticStatus.STALE,
+    Level.UNKNOWN: DiagnosticStatus.ERROR,
 }
 
 
 class DiagnosticsPublisher:
-    """Remembers the newest verdict and reports it, with the counts of rejected samples; silent without one."""
+    """Remembers the newest state and verdict and reports them, with rates and counts; silent without a verdict."""
 
     def __init__(self, node: Node, supervisor: Supervisor, partners: Partners, samples: Samples, fail: Fail) -> None:
         self.verdict: Verdict | None = None
+        self.state: SingularityState | None = None
         self._node, self._supervisor, self._partners, self._samples = node, supervisor, partners, samples
         self._skipped = 0  # until the last report
-        self._hardware = supervisor.settings.robot
+        self._counted = (time.monotonic_ns(), 0, 0)  # at the last report: steady clock, samples, verdicts
         self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
         node.create_timer(PERIOD_S, guarded(self._report, fail), clock=steady)
+
+    def forget(self) -> None:
+        """An inactive supervisor reports nothing."""
+        self.verdict = self.state = None
 
     def _report(self) -> None:
         verdict = self.verdict
         if verdict is None:
             return
+        values = self._values(verdict)
         message = DiagnosticArray()
         message.header.stamp = self._node.get_clock().now().to_msg()
         for check, causes in CHECKS.items():
             found = [finding for finding in verdict.findings if finding.cause & causes]
             level = max((finding.level for finding in found), default=Level.OK)
+            text = "; ".join(finding.text for finding in found) or "OK"
             if check == "supervisor" and verdict.latched:
                 level = max(level, Level.STOP)
-            status = DiagnosticStatus(level=_LEVELS[level], hardware_id=self._hardware)
-            status.name = f"{self._node.get_fully_qualified_name()}: {check}"
-            status.message = "; ".join(finding.text for finding in found) or "OK"
-            if check == "supervisor" and verdict.latched:
-                status.message = f"a stop is latched, event {verdict.event}: {verdict.text}"
+                text = f"a stop is latched, event {verdict.event}: {verdict.text}"
+            said = _LEVELS[level]
             if check == "supervisor" and verdict.bypassed:
-                status.level = max(status.level, DiagnosticStatus.WARN)
-                status.message = f"{verdict.bypassed.name} is bypassed for {verdict.bypass_left:.0f} s: {verdict.text}"
-            if check == "joint states":
-                rejected = self._supervisor.rejections.items()
-                status.values = [KeyValue(key=f"rejected {c.name}", value=str(n)) for c, n in rejected]
-            message.status.append(status)
-        for name, status_level, text in (*self._partners.look(), self._rate()):
-            status = DiagnosticStatus(level=status_level, hardware_id=self._hardware, message=text)
-            status.name = f"{self._node.get_fully_qualified_name()}: {name}"
-            message.status.append(status)
+                said = max(said, DiagnosticStatus.WARN)
+                text = f"{verdict.bypassed.name} is bypassed for {verdict.bypass_left:.0f} s: {verdict.text}"
+            message.status.append(self._status(Finding(check, said, text), values.get(check, {})))
+        robot, names = self._supervisor.robot, self._supervisor.settings.joint_names
+        units = of_units(robot.mechanism.joints, names, self.state.joint_position if self.state else ())
+        for finding in (*self._partners.look(), self._rate(), units):
+            message.status.append(self._status(finding, {}))
         self._publisher.publish(message)
+
+    def _status(self, finding: Finding, values: Mapping[str, object]) -> DiagnosticStatus:
+        status = DiagnosticStatus(level=finding.level, message=finding.text)
+        status.name = f"{self._node.get_fully_qualified_name()}: {finding.name}"
+        status.hardware_id = self._supervisor.settings.robot
+        status.values = [KeyValue(key=key, value=_said(value)) for key, value in values.items()]
+        return status
+
+    def _values(self, verdict: Verdict) -> dict[str, dict[str, object]]:
+        """What the checks looked at, by check."""
+        now_ns, state = time.monotonic_ns(), self.state
+        passed_s = (now_ns - self._counted[0]) / NS_PER_S
+        judged = state.sequence if state else 0
+        samples_hz, verdicts_hz = (
+            (judged - self._counted[1]) / passed_s,
+            (verdict.sequence - self._counted[2]) / passed_s,
+        )
+        self._counted = now_ns, judged, verdict.sequence
+        rejected = {f"rejected {c.name}": count for c, count in self._supervisor.rejections.items()}
+        found: dict[str, dict[str, object]] = {
+            "joint states": {"samples [1/s]": samples_hz, "skipped": self._samples.skipped, **rejected},
+            "supervisor": {
+                "level": verdict.level.name,
+                "event": verdict.event,
+                "speed scale": verdict.speed_scale,
+                "verdicts [1/s]": verdicts_hz,
+                "verdict": verdict.sequence,
+                "settings": verdict.config_hash,
+            },
+        }
+        if state is not None:
+            found["margins"] = _margins(state)
+            found["motion"] = {"joint velocity": state.joint_velocity, "largest leg force [N]": state.reaction_max}
+            found["branch"] = {"working mode": state.working_mode, "assembly mode": state.assembly_mode}
+            found["joint states"]["age on arrival [s]"] = state.sample_age
+            found["joint states"]["since arrival [s]"] = (now_ns - state.seen_ns) / NS_PER_S
+            found["supervisor"]["time to judge [s]"] = state.compute_time
+        return found
 
     def _rate(self) -> Finding:
         """Whether all samples could be judged since the last report."""
@@ -81,3 +129,36 @@ class DiagnosticsPublisher:
             return Finding("joint states rate", DiagnosticStatus.OK, "every sample is judged")
         text = f"{skipped} samples skipped for newer ones: more come than can be judged"
         return Finding("joint states rate", DiagnosticStatus.WARN, text)
+
+
+def of_units(joints: Sequence[Coordinate], names: Sequence[str], position: Sequence[float]) -> Finding:
+    """Angles are read modulo a turn, as encoders of many turns need it. So are degrees, unless they move."""
+    far = [
+        f"'{name}' is at {value:.4g} rad, {abs(value) / tau:.1f} turns from zero"
+        for name, joint, value in zip(names, joints, position, strict=False)
+        if joint.is_angle and isfinite(value) and abs(value) > tau
+    ]
+    if not far:
+        return Finding("joint states units", DiagnosticStatus.OK, "within one turn of zero")
+    text = f"{'; '.join(far)}: right for encoders of many turns, wrong if these are degrees"
+    return Finding("joint states units", DiagnosticStatus.WARN, text)
+
+
+def _margins(state: SingularityState) -> dict[str, object]:
+    """Those that the robot has, and the path to standstill."""
+    return {
+        "Type 1": min(state.type1_margin, default=None),
+        "Type 2": state.type2_margin,
+        **({"constraint": state.constraint_margin} if isfinite(state.constraint_margin) else {}),
+        **({"limb": min(state.limb_margin)} if state.limb_margin else {}),
+        "while stopping": state.stop_margin,
+        "stop limit": state.stop_limit,
+        "time to stop [s]": state.time_to_stop,
+    }
+
+
+def _said(value: object) -> str:
+    """For people: six digits."""
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    return ", ".join(map(_said, value)) if isinstance(value, Sequence) and not isinstance(value, str) else str(value)

@@ -7,8 +7,11 @@ from rclpy.lifecycle import LifecycleNode
 
 
 def answer_every_request(node: LifecycleNode) -> None:
-    """`~/change_state` says no where rclpy raises, which leaves the caller waiting for ever."""
-    service = node._service_change_state
+    """`~/change_state` says no where rclpy raises, which leaves the caller waiting for ever. In an rclpy that keeps its
+    service elsewhere it stays like that."""
+    service = getattr(node, "_service_change_state", None)
+    if service is None:
+        return
     change = service.callback
 
     def answered(request: ChangeState.Request, response: ChangeState.Response) -> ChangeState.Response:
@@ -20,3 +23,11 @@ def answer_every_request(node: LifecycleNode) -> None:
             return response
 
     service.callback = answered
+
+
+def forget_state_machine(node: LifecycleNode) -> None:
+    """It holds on to the node, and rclpy forgets it when a node is destroyed: then the node stays in the graph. In an
+    rclpy that keeps it elsewhere nothing is done."""
+    machine = getattr(node, "_state_machine", None)
+    if machine is not None:
+        machine.destroy_when_not_in_use()

@@ -18,6 +18,7 @@ from rclpy.parameter import Parameter
 from irsbot_kinematics import Robot
 from irsbot_supervisor.core.limits import contradictions, settings_from
 from irsbot_supervisor.core.settings import InvalidSettings, Settings, completed
+from irsbot_supervisor.nodes.as_declared import as_declared
 from irsbot_supervisor.nodes.later import Later, Steps
 from irsbot_supervisor.settings_file import read_settings, robot_of, shipped_values
 from irsbot_supervisor.worker import Task, WorkerError
@@ -51,7 +52,7 @@ class ChangingSettings:
     ) -> None:
         """settings: checked. apply: called with checked settings when they come into force."""
         self.now = settings
-        self._robot, self._apply = robot, apply
+        self._node, self._robot, self._apply = node, robot, apply
         self._looked: tuple[Settings, list[str]] = settings, []
         """The settings that were looked into last, and their faults."""
         node.add_on_set_parameters_callback(self._check)
@@ -70,7 +71,7 @@ class ChangingSettings:
     def _look(self, messages: list[Any]) -> Steps:
         """Look into the settings that a call asks for. While that takes its time another call may change those in
         force: then it is done again."""
-        parameters = [Parameter.from_parameter_msg(message) for message in messages]
+        parameters = as_declared(self._node, [Parameter.from_parameter_msg(message) for message in messages])
         try:
             while (wanted := self._wanted(parameters)) not in (self.now, self._looked[0]):
                 try:
@@ -134,7 +135,7 @@ def _descriptor(metadata: Any) -> ParameterDescriptor:
         descriptor.additional_constraints = "one of " + ", ".join(words)
     elif metadata.get("each_joint"):
         low, high = metadata["low"], metadata["high"]
-        descriptor.additional_constraints = f"one value per joint, each in {low:g}..{high:g}"
+        descriptor.additional_constraints = f"one value for all joints or one per joint, in {low:g}..{high:g}"
     elif "low" in metadata:
         descriptor.floating_point_range = [
             FloatingPointRange(from_value=metadata["low"], to_value=metadata["high"], step=0.0)

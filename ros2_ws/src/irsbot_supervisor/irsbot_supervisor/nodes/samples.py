@@ -6,7 +6,8 @@ import time
 from collections.abc import Callable
 
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
+from rclpy.qos import QoSPolicyKind, QoSProfile
+from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import JointState
 
 from irsbot_msgs_py.cdr import CdrError, decode_joint_state
@@ -25,6 +26,10 @@ MOST_BYTES = 65_536
 """A joint state of a thousand joints fits; what is larger is not read: that could take longer than the heartbeat."""
 
 
+OVERRIDES = QoSOverridingOptions([QoSPolicyKind.RELIABILITY])
+"""What parameters may say instead, for drivers that offer best effort alone. The depth is reckoned with."""
+
+
 class Samples:
     """Hands samples to `judge` while open: all of them as long as that can be done in time, then the newest.
 
@@ -40,7 +45,9 @@ class Samples:
         self._allowed, self._since_ns = float(BURST), time.monotonic_ns()
         self._held = b""  # the newest sample that has not been judged
         self._open = False
-        self.subscription = node.create_subscription(JointState, "joint_states", self._on_sample, qos, raw=True)
+        self.subscription = node.create_subscription(
+            JointState, "joint_states", self._on_sample, qos, raw=True, qos_overriding_options=OVERRIDES
+        )
 
     def settle(self) -> None:
         """Judge what has been held back. To be called with every heartbeat: nothing newer may come."""

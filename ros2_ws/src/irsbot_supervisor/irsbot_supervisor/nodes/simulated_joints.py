@@ -39,6 +39,9 @@ TOO_LATE_NS = 50_000_000
 """ns: after a stall of the process the samples that are later than this are not sent any more; the robot has moved."""
 
 
+LONELY_S = 5.0
+"""s without a verdict after which that is said; a supervisor takes two to start on a quiet machine."""
+
 SETTLE_NS = 500_000_000
 """ns from the birth of the publisher to its first sample: who is there already has found it by then, so that a recorder
 has the run from its first sample on."""
@@ -66,6 +69,8 @@ class SimulatedJointsNode(Node):
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
         self.get_logger().info(f"{self._robot.name}: {scenario.name}, {scenario.description}")
+        self._heard = False
+        self._patience = self.create_timer(LONELY_S, self._tell_of_silence)
         self._ros_time = RosTime(self.get_clock())
         self._moves_ns = time.monotonic_ns() + round(self._simulation.start_delay_s * NS_PER_S)
         self._pacer = Pacer(self._simulation.rate_hz, self._cycle, self._fail)
@@ -126,13 +131,21 @@ class SimulatedJointsNode(Node):
     # --- callbacks ---------------------------------------------------------------------------------------------
 
     def _on_verdict(self, data: bytes) -> None:
-        now_ns = time.monotonic_ns()
+        now_ns, self._heard = time.monotonic_ns(), True
         try:
             verdict = decode_verdict(data)
         except CdrError:
             self._obedience.hear(Level.UNKNOWN, 0.0, now_ns)
         else:
             self._obedience.hear(verdict.level, verdict.speed_scale, now_ns)
+
+    def _tell_of_silence(self) -> None:
+        """Once: a supervisor of another name says its verdicts elsewhere."""
+        self.destroy_timer(self._patience)
+        if self._simulation.obey and not self._heard:
+            topic = self.resolve_topic_name("supervisor/verdict")
+            text = f"no verdict on {topic} in {LONELY_S:g} s, and without one the joints stand"
+            self.get_logger().warning(f"{text}; for a supervisor of another name: -r supervisor/verdict:=NAME/verdict")
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
         try:

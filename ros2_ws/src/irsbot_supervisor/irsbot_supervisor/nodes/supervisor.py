@@ -26,15 +26,19 @@ from irsbot_supervisor.core.motion import BadTrajectory
 from irsbot_supervisor.core.pipeline import Configure, Event, Step, Supervisor
 from irsbot_supervisor.core.settings import InvalidSettings, Settings
 from irsbot_supervisor.journal import Entry, configured, write_entry
+from irsbot_supervisor.nodes.as_declared import read_as_declared
 from irsbot_supervisor.nodes.check import answered, asked, refused
 from irsbot_supervisor.nodes.diagnostics import DiagnosticsPublisher
+from irsbot_supervisor.nodes.follow import FollowServer, action_type
 from irsbot_supervisor.nodes.gate import CommandGate
 from irsbot_supervisor.nodes.later import Later, Steps
-from irsbot_supervisor.nodes.lifecycle import answer_every_request
+from irsbot_supervisor.nodes.lifecycle import answer_every_request, forget_state_machine
 from irsbot_supervisor.nodes.markers import MarkersPublisher
 from irsbot_supervisor.nodes.parameters import ChangingSettings, declare_settings
 from irsbot_supervisor.nodes.partners import Partners
+from irsbot_supervisor.nodes.safe import PROMISED, SafePublisher
 from irsbot_supervisor.nodes.samples import Samples
+from irsbot_supervisor.nodes.verdict_log import VerdictLog
 
 PARAMETERS = {
     "autostart": (True, "become active at the start, without waiting for transitions"),
@@ -48,7 +52,6 @@ STREAM = QoSProfile(depth=200, reliability=ReliabilityPolicy.RELIABLE)
 INLET = QoSProfile(depth=12, reliability=ReliabilityPolicy.RELIABLE)
 """What waits longer is skipped for newer samples anyway, and every place may come to hold the largest message ever."""
 
-LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 REQUESTS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 """By default ten requests and ten answers are kept, and of a hundred clients at once most would wait for ever."""
 
@@ -79,7 +82,8 @@ class SupervisorNode(LifecycleNode):
         self._later = Later(self, self._fail)
         self._changing = ChangingSettings(self, self._later, settings, self._robot, self._apply)
         self._active = False
-        self._told = 0  # event of the last stop that the log knows
+        self._log = VerdictLog(self.get_logger())
+        self._safe = SafePublisher(self)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._heart: Timer | None = None
         self._speech: list[Publisher] = []
@@ -87,38 +91,54 @@ class SupervisorNode(LifecycleNode):
         self._diagnostics = DiagnosticsPublisher(self, self._supervisor, Partners(self), self._samples, self._fail)
         self._markers = MarkersPublisher(self, self._robot, self._supervisor, self._frame, self._fail)
         self._gate = CommandGate(self, settings, self._robot, self._supervisor, self._fail)
+        action = action_type()
+        self._follow = FollowServer(self, action, self._gate, self._supervisor) if action else None
         self.create_service(ResetStop, "~/reset", self._on_reset, qos_profile=REQUESTS)
         self.create_service(BypassStop, "~/bypass", self._on_bypass, qos_profile=REQUESTS)
         check = self.create_service(CheckTrajectory, "~/check_trajectory", _served_later, qos_profile=REQUESTS)
         self._later.serve(check, self._on_check)
+        read_as_declared(self)
         if autostart:
             self.trigger_configure()
             self.trigger_activate()
 
     # --- life cycle --------------------------------------------------------------------------------------------
 
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """All there is has been there since the birth of the node."""
+        self.get_logger().info("configured: inactive until an activation")
+        return super().on_configure(state)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """All there is stays until the end of the node."""
+        self.get_logger().info("cleaned up: what is known, and a latched stop, stay")
+        return super().on_cleanup(state)
+
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Begin, or go on as after as long a gap between two samples: with UNKNOWN if it was a silence. A latched stop
         stays."""
         self._states = self._speaking(SingularityState, "~/state", STREAM)
-        self._verdicts = self._speaking(VerdictMsg, "~/verdict", LATCHED)
+        self._verdicts = self._speaking(VerdictMsg, "~/verdict", PROMISED)
         self._journal = self._speaking(String, "~/journal", JOURNAL)
         self._start_heart(self._settings)
         self._active = True
         self._configure(self._settings)
         self._samples.open()
         self._gate.open()
-        self.get_logger().info(f"supervising {self._robot.name}, settings {self._settings.config_hash}")
+        topic = self.resolve_topic_name("~/verdict")
+        self.get_logger().info(f"supervising {self._robot.name}, settings {self._settings.config_hash}, on {topic}")
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Fall silent."""
         self._fall_silent()
+        self.get_logger().info("deactivated: silent, and nothing passes the gate")
         return super().on_deactivate(state)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """From whatever state."""
         self._fall_silent()
+        self.get_logger().info(f"shut down in state '{state.label}'")
         return super().on_shutdown(state)
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -132,10 +152,11 @@ class SupervisorNode(LifecycleNode):
         self._fall_silent()
         self._gate.end()
         self._later.close()
+        self._safe.end()
 
     def destroy_node(self) -> None:
-        """With the state machine, which holds on to the node and rclpy forgets: else it stays in the graph."""
-        self._state_machine.destroy_when_not_in_use()
+        """With the state machine, which rclpy forgets."""
+        forget_state_machine(self)
         super().destroy_node()
 
     def _speaking(self, kind: type, topic: str, qos: QoSProfile) -> Publisher:
@@ -149,7 +170,11 @@ class SupervisorNode(LifecycleNode):
         self._stop_heart()
         self._samples.close()
         self._gate.close()
-        self._diagnostics.verdict = self._markers.verdict = self._markers.state = None
+        if self._follow is not None:
+            self._follow.close()
+        self._safe.close()
+        self._diagnostics.forget()
+        self._markers.verdict = self._markers.state = None
         for publisher in self._speech:
             self.destroy_publisher(publisher)
         self._speech = []
@@ -171,6 +196,8 @@ class SupervisorNode(LifecycleNode):
         tick = Tick(*self._now())
         self._step(tick)
         self._gate.beat(tick.seen_ns)
+        if self._follow is not None and self._active:
+            self._follow.beat(tick.seen_ns)
 
     def _on_reset(self, request: ResetStop.Request, response: ResetStop.Response) -> ResetStop.Response:
         if not self._active:
@@ -209,7 +236,9 @@ class SupervisorNode(LifecycleNode):
         if not self._supervisor.standing:
             return refused(response, "the robot is moving, or its state is not known: ask while it stands")
         try:
-            return answered((yield asked(self._robot, self._settings, request)), response)
+            view = self._supervisor.view
+            ahead_s = view.ahead_s if view is not None else 0.0
+            return answered((yield asked(self._robot, self._settings, request, ahead_s)), response)
         except BadTrajectory as error:
             return refused(response, str(error))
         except Exception as error:
@@ -225,23 +254,19 @@ class SupervisorNode(LifecycleNode):
             if step.state is not None:
                 spent = (time.monotonic_ns() - event.seen_ns) * 1e-9
                 self._states.publish(encode_state(step.state._replace(compute_time=spent)))
-                self._markers.state = step.state
+                self._markers.state = self._diagnostics.state = step.state
             if step.verdict is not None:
-                self._verdicts.publish(encode_verdict(step.verdict))
-                self._markers.verdict = step.verdict
-                self._diagnostics.verdict = step.verdict
-                self._tell(step.verdict)
+                self._say(step.verdict)
+                self._markers.verdict = self._diagnostics.verdict = step.verdict
             return step
         except Exception as error:
             self._fail(error)
             return None
 
-    def _tell(self, verdict: Verdict) -> None:
-        """One line in the log for every stop that is latched."""
-        if verdict.latched and verdict.event != self._told:
-            self._told = verdict.event
-            text = f"a stop is latched, event {verdict.event}, level {verdict.level.name}: {verdict.text}"
-            self.get_logger().warning(text)
+    def _say(self, verdict: Verdict) -> None:
+        self._verdicts.publish(encode_verdict(verdict))
+        self._safe.tell(verdict.level)
+        self._log.hear(verdict, time.monotonic_ns())
 
     def _fail(self, error: Exception) -> None:
         """An error in a callback: UNKNOWN, until a sample is judged without one."""
@@ -250,7 +275,7 @@ class SupervisorNode(LifecycleNode):
         self.get_logger().error(f"{type(error).__name__}: {error}", throttle_duration_sec=1.0)
         step = self._supervisor.fail(time.monotonic_ns(), error)
         if step.verdict is not None:
-            self._verdicts.publish(encode_verdict(step.verdict))
+            self._say(step.verdict)
 
     # --- parameters --------------------------------------------------------------------------------------------
 

@@ -1,0 +1,65 @@
+// The consumer's half of irsbot in C++17, standard library only: what a drive or a controller makes of verdicts.
+// Call hear() for every irsbot_msgs/msg/Verdict and allowed() before every step; see irsbot_supervisor/consumer.py.
+//
+//   irsbot::Consumer consumer;
+//   auto on_verdict = [&](const irsbot_msgs::msg::Verdict & v) {
+//     consumer.hear(v.level, v.sequence, v.speed_scale, steady_ns(), (clock.now() - v.header.stamp).seconds());
+//   };
+//   // every cycle: if (consumer.brakes() != brakes_when_commanded) { forget_command(); }
+//   //              double share = consumer.allowed(steady_ns());   // 0: brake
+//
+// SPDX-License-Identifier: Apache-2.0
+#pragma once
+#include <cmath>
+#include <cstdint>
+#include <cstdlib>
+
+namespace irsbot {
+
+class Consumer {
+ public:
+  explicit Consumer(double timeout_s = 0.1, bool gated = false) : timeout_s_(timeout_s), gated_(gated) {}
+
+  // A verdict has come. now_ns: steady clock. age_s: by the clock that stamps, now minus the stamp of the verdict.
+  void hear(int level, std::uint64_t sequence, double speed_scale, std::int64_t now_ns, double age_s = 0.0) {
+    const bool follows = any_ && sequence > sequence_ && is_fresh(now_ns);
+    following_ = follows ? following_ + 1 : 0;
+    heard_ns_ = now_ns, sequence_ = sequence, any_ = true;
+    const bool allows = level == kOk || level == kWarn || (gated_ && level == kStop);
+    const bool timely = std::abs(age_s) <= timeout_s_;  // false for NaN
+    const bool known = allows && timely && speed_scale > 0.0 && speed_scale <= 1.0 && following_ >= kInSequence;
+    scale_ = known ? (gated_ ? 1.0 : speed_scale) : 0.0;
+    note(scale_);
+  }
+
+  // Share of the speed limits that may be used now, 0..1; 0 means brake.
+  double allowed(std::int64_t now_ns) {
+    const double scale = is_fresh(now_ns) ? scale_ : 0.0;
+    note(scale);
+    return scale;
+  }
+
+  // How often motion has ended. A command that was given before the last time is void: forget it.
+  std::uint64_t brakes() const { return brakes_; }
+
+ private:
+  static constexpr int kOk = 0, kWarn = 1, kStop = 2, kInSequence = 2;
+
+  bool is_fresh(std::int64_t now_ns) const { return static_cast<double>(std::abs(now_ns - heard_ns_)) <= timeout_s_ * 1e9; }
+
+  void note(double scale) {
+    if (scale > 0.0) {
+      braking_ = false;
+    } else if (!braking_) {
+      braking_ = true, following_ = 0, scale_ = 0.0, ++brakes_;
+    }
+  }
+
+  double timeout_s_, scale_ = 0.0;
+  bool gated_, any_ = false, braking_ = true;
+  int following_ = 0;
+  std::int64_t heard_ns_ = 0;
+  std::uint64_t sequence_ = 0, brakes_ = 0;
+};
+
+}  // namespace irsbot

@@ -1,0 +1,64 @@
+"""The consumer's half: what a drive, a controller or a gateway makes of verdicts. Standard library only, no ROS.
+
+A verdict is obeyed as long as it is fresh. After silence, after a verdict that does not follow the one before, and at
+the beginning, motion is allowed by the third verdict in sequence: the first may be the latched last word of a
+supervisor that is frozen or gone, and the words of two supervisors on one topic never follow one another.
+"""
+
+from __future__ import annotations
+
+from math import inf
+
+OK, WARN, STOP, UNKNOWN = range(4)
+"""Levels, as in irsbot_msgs/SingularityState."""
+
+TIMEOUT_S = 0.1
+"""s without a verdict after which a consumer brakes; the supervisor speaks every 10 ms as shipped."""
+
+IN_SEQUENCE = 2
+"""Verdicts that have to follow their predecessors before motion is allowed."""
+
+
+class Consumer:
+    """Obeys one supervisor. All times are of one steady clock, ns. Hand it every verdict, and ask before every step."""
+
+    def __init__(self, timeout_s: float = TIMEOUT_S, *, gated: bool = False) -> None:
+        """gated: all commands come through the command gate, which bounds their speed itself and lets a stopped robot
+        out: a STOP with a speed scale above 0 then allows motion. Raises ValueError for a timeout that is none."""
+        if not 0.0 < timeout_s < inf:
+            raise ValueError(f"the timeout must be positive and finite, got {timeout_s!r} s")
+        self._timeout_s, self._gated = timeout_s, gated
+        self._heard_ns = 0
+        self._sequence = self._following = -1  # of the last verdict; how many in a row followed their predecessors
+        self._scale = 0.0
+        self._braking = True
+        self.brakes = 0
+        """How often motion has ended. A command that was given before the last time is void: forget it."""
+
+    def hear(self, level: int, sequence: int, speed_scale: float, now_ns: int, age_s: float = 0.0) -> None:
+        """A verdict has come. age_s: by the clock that stamps, now minus its stamp, where that is known."""
+        follows = sequence > self._sequence >= 0 and self._is_fresh(now_ns)
+        self._following = self._following + 1 if follows else 0
+        self._heard_ns, self._sequence = now_ns, sequence
+        allows = level in (OK, WARN) or (self._gated and level == STOP)
+        timely = -self._timeout_s <= age_s <= self._timeout_s
+        known = allows and timely and 0.0 < speed_scale <= 1.0 and self._following >= IN_SEQUENCE
+        self._scale = (1.0 if self._gated else speed_scale) if known else 0.0
+        self._note(self._scale)
+
+    def allowed(self, now_ns: int) -> float:
+        """Share of the speed limits that may be used now, 0..1; 0 means brake."""
+        scale = self._scale if self._is_fresh(now_ns) else 0.0
+        self._note(scale)
+        return scale
+
+    def _is_fresh(self, now_ns: int) -> bool:
+        return abs(now_ns - self._heard_ns) <= self._timeout_s * 1e9
+
+    def _note(self, scale: float) -> None:
+        """What has run out stays so until it is allowed anew."""
+        if scale > 0.0:
+            self._braking = False
+        elif not self._braking:
+            self._braking, self._following, self._scale = True, 0, 0.0
+            self.brakes += 1

@@ -1,0 +1,27 @@
+"""Entry points of the executables, each without the time that its libraries take to load."""
+
+from __future__ import annotations
+
+from typing import NoReturn
+
+from irsbot_msgs_py.start import start
+
+
+def supervisor() -> NoReturn:
+    """`ros2 run irsbot_supervisor supervisor_node`."""
+    start("irsbot_supervisor.nodes.supervisor")
+
+
+def simulated_joints() -> NoReturn:
+    """`ros2 run irsbot_supervisor simulated_joints_node`."""
+    start("irsbot_supervisor.nodes.simulated_joints")
+
+
+def recorder() -> NoReturn:
+    """`ros2 run irsbot_supervisor recorder_node`."""
+    start("irsbot_supervisor.nodes.recorder")
+
+
+def irsbot() -> NoReturn:
+    """`irsbot`, the command line."""
+    start("irsbot_supervisor.cli.app")
