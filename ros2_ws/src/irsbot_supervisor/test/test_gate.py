@@ -12,9 +12,11 @@ from supervised import joints_of, ready, settings_of, tick
 import irsbot_kinematics as irs
 from irsbot_msgs_py.records import Cause, Level
 from irsbot_supervisor.closed_loop import GuidedRobot
+from irsbot_supervisor.core.estimation.estimate import Speeds
+from irsbot_supervisor.core.estimation.observer import excess
 from irsbot_supervisor.core.gate import Gate
 from irsbot_supervisor.core.settings import Settings
-from irsbot_supervisor.core.stopping import limits_of
+from irsbot_supervisor.core.stopping import StoppingPredictor, limits_of
 
 ROBOTS = ("irsbot2", "irsbot2_beta45", "irsbot2_csc", "five_bar", "rrr3", "orthoglide", "triaglide")
 LOST = 0.003
@@ -63,7 +65,11 @@ def good_posture(name: str, seed: int = 0) -> tuple[float, ...]:
 
 
 def roomy(robot: irs.Robot, settings: Settings, joints) -> bool:
-    return bool((margins(robot, settings, joints) >= 1.4 * np.array(limits_of(settings, "warn"))).all())
+    """Whether no warning is due while it stands there, and a little more is left."""
+    at = robot.mechanism.posture(tuple(joints), settings.assembly_mode)
+    rest = excess(settings, 1e-3)
+    floor = StoppingPredictor(settings, robot.mechanism).predict(at, Speeds(rest, rest), 0.004)
+    return bool((np.array(floor) >= np.array(limits_of(settings, "warn"))).all())
 
 
 def stopped(name: str, seed: int) -> GuidedRobot:
@@ -294,7 +300,13 @@ def test_the_gate_keeps_a_little_above_the_stop_limits():
     guided = standing("irsbot2", joints_of(ready("irsbot2")[0], 0.0, -0.85))
     for _ in range(300):
         guided.beat((12.0, -12.0))
-    least = margins(guided.supervisor.robot, guided.settings, guided.drives.now.position)
-    stop = np.array(limits_of(guided.settings, "stop"))
-    assert (least >= stop * (1.0 + RESERVE) - 1e-9).all()
-    assert (least - stop * (1.0 + RESERVE)).min() < 0.03  # and not much more: the workspace stays usable
+    view = guided.supervisor.view
+    assert view is not None
+    rest = excess(guided.settings, 1e-3)
+    predictor = StoppingPredictor(guided.settings, guided.supervisor.robot.mechanism, patient=True)
+    stop = limits_of(guided.settings, "stop")
+    left = np.array(predictor.predict(view.at, Speeds(rest, rest), view.ahead_s, stop))
+    assert (left >= np.array(stop)).all()
+    # And not much more is left if its drives do their worst: the workspace stays usable.
+    more = tuple(np.array(stop) + 0.05)
+    assert (np.array(predictor.predict(view.at, Speeds(rest, rest), view.ahead_s, more)) < more).any()

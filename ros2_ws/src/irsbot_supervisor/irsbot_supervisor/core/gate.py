@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from math import inf, isfinite
-from operator import add, sub
 from typing import NamedTuple
 
 from irsbot_kinematics import Mechanism, Posture
@@ -33,10 +32,6 @@ the drives lag behind what they are told, and the supervisor sees an instant mor
 DIP = 0.002
 """1: how far below the best margin since a stop a motion away may be bounded. Bounds over boxes of joints lie a little
 below the margins; cut eight times, the boxes of a slow path are finer than this."""
-
-LAG_BEATS = 4.0
-"""1: heartbeats that pass until the drives have followed a command and the supervisor has seen that they did. With 2,
-one full-speed approach in ten ended in a stop where margins can be bounded only loosely."""
 
 STEP = 1.25
 """1: by how much the allowed share of a command grows at most from one to the next."""
@@ -90,8 +85,10 @@ class Gate:
         self._speed = settings.velocity_limit
         self._slow = settings.standstill_speed
         self._share = settings.recovery_share
-        self._lag_s = LAG_BEATS * settings.heartbeat_s
-        self._keep = _raised(limits_of(settings, "stop"))
+        self._beat_s, self._latency_s = settings.heartbeat_s, settings.latency_s
+        self._lag_s = settings.heartbeat_s + settings.latency_s  # until the drives follow the next command
+        self._stop = limits_of(settings, "stop")
+        self._keep = _raised(self._stop)
         self._error = (position_error(settings),) * len(settings.velocity_limit)
         self._slack_m = settings.geometry_tolerance_m
 
@@ -130,10 +127,14 @@ class Gate:
 
         To be asked for every motion, after the share: the best margins since a stop are remembered here.
         """
-        reach = self._mechanism.guarantee(view.at, self._error, self._slack_m)
         stopped_by = view.judgement.causes if view.judgement.level == Level.STOP else 0
+        if view.judgement.level == Level.STOP:
+            floor = floor_of(self._mechanism.guarantee(view.at, self._error, self._slack_m))
+        else:  # what it would keep if it stood here
+            rest = excess(self._settings, 0.5 * view.expected_s)
+            floor = self._predictor.predict(view.at, Speeds(rest, rest), view.ahead_s, self._keep)
         limits, best = [], []
-        for kind, now, last, keep in zip(KINDS, floor_of(reach), self._best, self._keep, strict=True):
+        for kind, now, last, keep, stop in zip(KINDS, floor, self._best, self._keep, self._stop, strict=True):
             caused = bool(stopped_by & kind)
             if view.judgement.bypassed & kind:  # it may be lost: an operator has said so
                 best.append(-inf)
@@ -141,7 +142,7 @@ class Gate:
                 continue
             gained = max(now, last) if caused or now < keep else -inf
             best.append(gained)
-            limits.append(gained - DIP if caused else min(keep, gained - DIP) if gained > -inf else keep)
+            limits.append(gained - DIP if caused else min(keep, max(gained - DIP, stop)) if gained > -inf else keep)
         self._best = (best[0], best[1], best[2], best[3])
         return limits[0], limits[1], limits[2], limits[3]
 
@@ -157,7 +158,7 @@ class Gate:
             floor = self._predictor.along(view.at, rates, view.ahead_s + self._lag_s, limits)
         else:
             speeds, moved = self._followed(view, rates)
-            floor = self._predictor.predict(view.at, speeds, view.ahead_s, moved=moved)
+            floor = self._predictor.predict(view.at, speeds, view.ahead_s, limits, moved)
         if all(have >= want for have, want in zip(floor, limits, strict=True)):
             return None
         now = margins_of(view.at)  # where nothing can be bounded, the nearest limit speaks
@@ -165,16 +166,19 @@ class Gate:
         return lack.index(min(lack))
 
     def _followed(self, view: View, rates: Floats) -> tuple[Speeds, tuple[Floats, Floats]]:
-        """How fast the supervisor will take the joints to be at most when they have followed a command, and from where
-        to where (rad or m) they can have got by then: they move between what they do now and what they are told."""
-        low, high = [], []
-        for now, rate, forward, backward in zip(view.velocity, rates, *view.speeds, strict=True):
+        """How fast the supervisor will take the joints to be at most when they have followed a command for a heartbeat,
+        and from where to where (rad or m) they can have got by then. They go on as they are for the latency; what is to
+        be slower brakes then."""
+        forward, backward, low, high = [], [], [], []
+        more, limits = excess(self._settings, 0.5 * view.expected_s), self._settings.deceleration_limit
+        for now, rate, up, down, brake, e in zip(view.velocity, rates, *view.speeds, limits, more, strict=True):
             known = now == now
-            high.append(max(0.0, now if known else forward, rate))
-            low.append(min(0.0, now if known else -backward, rate))
-        more = excess(self._settings, 0.5 * view.expected_s)
-        speeds = Speeds(tuple(map(add, high, more)), tuple(map(sub, more, low)))
-        return speeds, (tuple([rate * self._lag_s for rate in low]), tuple([rate * self._lag_s for rate in high]))
+            for sign, most, speeds, ways in ((1.0, up, forward, high), (-1.0, down, backward, low)):
+                begin = max(sign * now, 0.0) if known else most
+                end = max(sign * rate, begin - brake * self._beat_s, 0.0)
+                speeds.append(end + e)
+                ways.append(sign * (begin * self._latency_s + max(0.5 * (begin + end), end) * self._beat_s))
+        return Speeds(tuple(forward), tuple(backward)), (tuple(low), tuple(high))
 
     def _kept(self, view: View, rates: Floats, share: float, limits: Margins) -> Floats:
         """The part of the rates that keeps the limits. All of a new command is tried; else the search begins with what

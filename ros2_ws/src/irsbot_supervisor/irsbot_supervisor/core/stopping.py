@@ -28,6 +28,9 @@ WIDER = 0.1
 """1: a box is proved with this share of its size added at each end where that succeeds at once: the boxes of the next
 samples lie in it, and nothing is to be computed for them."""
 
+NEARLY = 1.5
+"""1: what was proved of a box serves for boxes in it that are at most this many times smaller."""
+
 PATIENT_CUTS = 60
 """The same where no robot waits for the answer."""
 
@@ -48,9 +51,10 @@ class Proved(NamedTuple):
     floor: Margins
 
     def holds(self, low: Floats, high: Floats) -> bool:
-        """Whether another box lies in this one."""
-        return all(a <= b for a, b in zip(self.low, low, strict=True)) and all(
-            a >= b for a, b in zip(self.high, high, strict=True)
+        """Whether another box lies in this one and is nearly as large: of a much smaller one more can be proved."""
+        return all(
+            a <= b and c >= d and c - a <= NEARLY * (d - b)
+            for a, b, c, d in zip(self.low, low, self.high, high, strict=True)
         )
 
 
@@ -72,18 +76,22 @@ class BoxBounds:
         if first is None:
             return nothing_of(near)
         boxes, floor = [first], first.floor
-        for wanted, cuts in goals:
+        for goal, cuts in goals:
+            wanted = goal
             for _ in range(cuts):
                 worst = min(boxes, key=lambda box: spare_of(box.floor, wanted))
-                if not (spare_of(worst.floor, wanted) < 0.0 and spare_of(margins_of(worst.at), wanted) >= 0.0):
-                    break  # proved, or there is nothing to be proved
+                wanted = _in_question(margins_of(worst.at), wanted)
+                if spare_of(worst.floor, wanted) >= 0.0:
+                    if spare_of(lowest([box.floor for box in boxes]), wanted) >= 0.0:
+                        break
+                    continue
                 boxes.remove(worst)
                 halves = self._cut(worst, wanted)
                 if None in halves:
                     return nothing_of(near)
                 boxes += [half for half in halves if half]
             floor = lowest([box.floor for box in boxes])
-            if spare_of(floor, wanted) >= 0.0:
+            if spare_of(floor, goal) >= 0.0:
                 break
         return floor
 
@@ -130,7 +138,7 @@ class StoppingPredictor:
         warn, stop = limits_of(settings, "warn"), limits_of(settings, "stop")
         whole = 2 ** len(mechanism.joints)
         cuts, more = (PATIENT_CUTS, PATIENT_CUTS) if patient else (HALVINGS * whole, MORE_HALVINGS * whole)
-        self._usual = (warn, cuts), (stop, more)
+        self._usual, self._cuts = ((warn, cuts), (stop, more)), more
         self._proved: Proved | None = None
         self._looked: Proved | None = None  # what has been found where nothing could be proved
 
@@ -159,7 +167,7 @@ class StoppingPredictor:
             return floor
         low, high = tuple(map(sub, at.joints, backward)), tuple(map(add, at.joints, forward))
         if wanted is not None:
-            return self._bounds.least(at, low, high, ((wanted, PATIENT_CUTS),))
+            return self._bounds.least(at, low, high, ((wanted, self._cuts),))
         return self._sampled(at, low, high)
 
     def _sampled(self, at: Posture, low: Floats, high: Floats) -> Margins:
@@ -196,7 +204,7 @@ class StoppingPredictor:
         forward, backward = self._reach.until_rest_from(rates, ahead_s + self._latency)
         low, high = list(map(sub, at.joints, backward)), list(map(add, at.joints, forward))
         low, high = list(map(sub, low, self._reach.errors)), list(map(add, high, self._reach.errors))
-        return self._bounds.least(at, tuple(low), tuple(high), ((wanted, PATIENT_CUTS),))
+        return self._bounds.least(at, tuple(low), tuple(high), ((wanted, self._cuts),))
 
     def travel(self, speeds: Speeds, ahead_s: float) -> tuple[list[float], list[float]]:
         """rad or m that the joints get forward and backward until they stand."""
@@ -211,6 +219,13 @@ def _wider(low: Floats, high: Floats) -> tuple[Floats, Floats]:
 def lowest(floors: list[Margins]) -> Margins:
     """The smallest of each margin."""
     type1, type2, constraint, limb = map(min, zip(*floors, strict=True))
+    return type1, type2, constraint, limb
+
+
+def _in_question(met: Margins, wanted: Margins) -> Margins:
+    """What is wanted of the margins that are not already seen to be lower somewhere: of those nothing can be proved, and
+    the others shall not be blamed for it."""
+    type1, type2, constraint, limb = (want if have >= want else -inf for have, want in zip(met, wanted, strict=True))
     return type1, type2, constraint, limb
 
 

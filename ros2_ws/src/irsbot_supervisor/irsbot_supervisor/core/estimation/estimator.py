@@ -36,7 +36,8 @@ class Estimator:
         self._last: Estimate | None = None
         self._before: Estimate | None = None  # the one before the last
         self._rest: Floats = ()  # from where no joint has moved faster than the standstill speed
-        self._rest_ns = 0  # and since when
+        self._rest_ns = 0  # and since when it has been there
+        self._stood_ns = 0  # since when no joint has moved faster
         self.configure(settings)
 
     def configure(self, settings: Settings) -> None:
@@ -163,20 +164,22 @@ class Estimator:
             expected_s + (age / S if age > 0 else 0.0),
             expected_s,
             self._gaps.steady_s(sample.seen_ns),
-            0.0 if suspicion.speeds else self._standing_s(sample),
+            0.0 if suspicion.speeds else self._standing_s(sample, velocities.rates),
             branch_lost or suspicion.branch_lost,
             silence,
         )
         self._before, self._last = self._last, estimate
         return estimate
 
-    def _standing_s(self, sample: Accepted) -> float:
-        """s for which every joint has been where the standstill speed can have brought it."""
-        elapsed = (sample.seen_ns - self._rest_ns) / S
-        if self._rest:
-            moved = self._jumps.moved(sample.position, self._rest)
-            most = self._slow * elapsed + self._step
-            if all(-most <= way <= most for way in moved):
-                return elapsed
-        self._rest, self._rest_ns = sample.position, sample.seen_ns
+    def _standing_s(self, sample: Accepted, rates: Floats) -> float:
+        """s for which no joint has moved faster than the standstill speed, by what is reported and by its positions: from
+        where it was `stale_s` ago or less."""
+        now_ns, since_s = sample.seen_ns, (sample.seen_ns - self._rest_ns) / S
+        if self._rest and not any(abs(rate) > self._slow for rate in rates):
+            most = self._slow * since_s + self._step
+            if all(-most <= way <= most for way in self._jumps.moved(sample.position, self._rest)):
+                if since_s > self._stale_s:
+                    self._rest, self._rest_ns = sample.position, now_ns
+                return (now_ns - self._stood_ns) / S
+        self._rest, self._rest_ns, self._stood_ns = sample.position, now_ns, now_ns
         return 0.0
