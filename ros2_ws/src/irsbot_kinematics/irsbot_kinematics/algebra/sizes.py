@@ -1,0 +1,26 @@
+"""How large a computation becomes, said before it starts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from irsbot_kinematics.algebra.engine import TooLarge
+
+if TYPE_CHECKING:
+    from irsbot_kinematics.algebra.system import System
+
+
+def refuse_large_discriminant(system: System, free: Sequence[str]) -> None:
+    """Raises TooLarge where the discriminant of the closing polynomial would have more than two free joints, or
+    angles among them."""
+    turned = [name for name in free if name in system.angles]
+    size = 1
+    for name in free:
+        size *= 81 if name in system.angles else 13
+    if len(free) > 2 or turned:
+        raise TooLarge(
+            f"the singular surface over {', '.join(free)} has up to {size} terms and takes hours: "
+            f"fix {len(free) - 2 if len(free) > 2 else 'the'} more joint(s), such as fixed={{'{system.joints[0]}': ...}}"
+            + (f"; the joints {', '.join(turned)} are angles, so take slices of the pose space" if turned else "")
+        )
