@@ -51,14 +51,18 @@ def discriminant(curve: Curve) -> Any:
     """Discriminant in v, a polynomial in u; leading coefficients may add factors."""
     if curve.du * curve.dv <= SMALL_DEGREE:
         return univariate(curve.poly.discriminant(curve.v), curve.u)
-    return _interpolated(lambda at: int(curve.at_u(at).discriminant()), curve.leading(), 2 * (curve.dv - 1) * curve.du)
+    m, total = curve.dv, int(curve.poly.total_degree())
+    degree = min(2 * (m - 1) * curve.du, 2 * (m - 1) * total - m * (m - 1))  # it is isobaric
+    return _interpolated(lambda at: int(curve.at_u(at).discriminant()), curve.leading(), degree)
 
 
 def resultant(first: Curve, second: Curve) -> Any:
     """Resultant in v, a polynomial in u."""
     if (first.du + second.du) * (first.dv + second.dv) <= 4 * SMALL_DEGREE:
         return univariate(first.poly.resultant(second.poly, first.v), first.u)
-    degree = first.dv * second.du + second.dv * first.du
+    m, n = first.dv, second.dv
+    totals = int(first.poly.total_degree()), int(second.poly.total_degree())
+    degree = min(m * second.du + n * first.du, m * totals[1] + n * totals[0] - m * n)
     lead = first.leading() * second.leading()
     return _interpolated(lambda at: int(first.at_u(at).resultant(second.at_u(at))), lead, degree)
 

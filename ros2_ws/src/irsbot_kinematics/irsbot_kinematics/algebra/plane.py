@@ -37,6 +37,18 @@ class Plane:
             self.columns.append(first.sample(*self._between(k)))
         self.stacks = [self.stack(u) for u in self.columns]
 
+    @classmethod
+    def restored(
+        cls, walls: Sequence[Any], first: Axis, second: Axis, criticals: list[RealRoot], columns: list[Fraction]
+    ) -> Plane:
+        """A plane whose critical values are known already."""
+        plane = cls.__new__(cls)
+        plane.first, plane.second, plane.curves = first, second, [Curve(wall) for wall in walls]
+        plane.said = lambda _what, _done, _total: None
+        plane.criticals, plane.columns, plane.critical_polys = criticals, columns, []
+        plane.stacks = [plane.stack(u) for u in columns]
+        return plane
+
     def stack(self, u: Fraction) -> list[RealRoot]:
         """Walls over a first coordinate that is not critical, ascending, within the box."""
         groups = []

@@ -23,6 +23,13 @@ class RealRoot:
         self.poly, self.index, self.bits = poly, index, bits
         self.low, self.high = ends(ball)
 
+    @classmethod
+    def restored(cls, poly: Any, index: int, low: Fraction, high: Fraction) -> RealRoot:
+        """A root whose place and interval are known already."""
+        root = cls.__new__(cls)
+        root.poly, root.index, root.bits, root.low, root.high = poly, index, START_BITS, low, high
+        return root
+
     def __float__(self) -> float:
         return float((self.low + self.high) / 2)
 

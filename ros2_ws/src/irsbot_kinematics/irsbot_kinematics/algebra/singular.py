@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
-from functools import reduce
+from dataclasses import replace
 from itertools import product as choices
 from typing import Any
 
@@ -16,7 +16,7 @@ from irsbot_kinematics.algebra.manipulators.delta import DeltaRails
 from irsbot_kinematics.algebra.manipulators.planar import PlanarLegs
 from irsbot_kinematics.algebra.parse import cosine_of, sine_of
 from irsbot_kinematics.algebra.planar_forms import T, closing, parallel_joint
-from irsbot_kinematics.algebra.polynomial import Polynomial, context, irreducible, moved, primitive, product, public
+from irsbot_kinematics.algebra.polynomial import Polynomial, context, irreducible, moved, primitive, product, public, rational
 from irsbot_kinematics.algebra.system import System
 from irsbot_kinematics.algebra.tangents import with_tangents, without_circles
 
@@ -151,8 +151,11 @@ def project(
     names = system.joints if space == "joint" else system.pose
     known = slice_values(system, names, fixed)
     free = [name for name in names if name not in (fixed or {})]
-    if isinstance(system.structure, DeltaRails) and not known:
-        generator = delta_projection(system.structure, kind, space, names)
+    if isinstance(system.structure, DeltaRails):
+        rails = replace(system.structure, rod=system.values["L"])  # type: ignore[arg-type]
+        generator = delta_projection(rails, kind, space, names)
+        if known:
+            generator = primitive(_put_in(generator, known))
         return Projection([public(f) for f, _ in irreducible(generator)], public(generator))
     if isinstance(system.structure, PlanarLegs) and (kind, space) == ("parallel", "joint"):
         from irsbot_kinematics.algebra.sizes import refuse_large_discriminant
@@ -187,20 +190,25 @@ def _eliminated(
     others = [n for n in (*system.pose, *system.joints, *system.passive) if n not in names]
     turned = [name for name in free if name in system.angles]
     ring = context(system.gens([*free, *others]))
-    polys = [moved(p, ring) for p in (*system.polys(known), *system.circles(others)) if not p.is_constant()]
     det = system.evaluated(determinant_of(system, kind), known)
+    keep = [f"t_{name}" if name in turned else name for name in free]
     found: dict[str, Any] = {}
     for factor in _components(system, moved(det, ring), tuple(ring.names())):
-        equations = [with_tangents(p, turned) for p in (*polys, factor)]
-        keep = [f"t_{name}" if name in turned else name for name in free]
-        if all(not any(int(m[i]) for m in factor.monoms()) for i in _places(factor, system.gens(others))):
-            hits = [primitive(with_tangents(factor, turned), keep)]
-        else:
-            hits = eliminate(equations, keep, system.gens(others))
+        equations, drop = linked(system, moved_whole(factor, ring.names()), known, others, ring)
+        hits = [primitive(with_tangents(factor, turned), keep)] if not drop else eliminate(
+            [with_tangents(p, turned) for p in equations], keep, drop
+        )
         for poly in hits:
             for part, _ in irreducible(without_circles(poly)):
                 found[str(part)] = part
     return sorted(found.values(), key=lambda f: (int(f.total_degree()), len(f), str(f)))
+
+
+def _put_in(poly: Any, known: Mapping[str, Fraction]) -> Any:
+    """An integer polynomial with generators fixed, over Q in the names that are left."""
+    names = tuple(poly.context().names())
+    whole = context(names).from_dict({m: int(c) for m, c in poly.to_dict().items()})
+    return moved(whole.subs({k: rational(v) for k, v in known.items()}), context([n for n in names if n not in known]))
 
 
 def _places(poly: Any, names: Sequence[str]) -> list[int]:
@@ -287,6 +295,22 @@ def moved_whole(poly: Any, names: Sequence[str]) -> Any:
     return moved(poly, context(names))
 
 
-def shared_factor(polys: Sequence[Any]) -> Any:
-    """Greatest common divisor."""
-    return reduce(lambda a, b: a.gcd(b), polys)
+def linked(
+    system: System, start: Any, known: Mapping[str, Fraction], others: Sequence[str], ring: Any
+) -> tuple[list[Any], list[str]]:
+    """The equations that share unknowns with a polynomial, directly or through one another, and these unknowns."""
+    rest = [moved(p, ring) for p in (*system.polys(known), *system.circles(others)) if not p.is_constant()]
+    drop = set(system.gens(others))
+    polys, wanted, size = [start], occurring(start) & drop, -1
+    while size != len(polys):
+        size = len(polys)
+        for poly in [p for p in rest if occurring(p) & wanted]:
+            polys.append(poly)
+            rest.remove(poly)
+            wanted |= occurring(poly) & drop
+    return polys, [g for g in system.gens(others) if g in wanted]
+
+
+def occurring(poly: Any) -> set[str]:
+    """Names of the generators that occur."""
+    return {name for name, degree in zip(poly.context().names(), poly.degrees(), strict=True) if degree > 0}
