@@ -56,7 +56,9 @@ class Cells:
     space: str
     axes: tuple[Axis, Axis]
     walls: list[Polynomial]
-    """Irreducible walls; a parameter with axis kind 'square' stands for its square, 'tangent' for tan(a/2)."""
+    """Irreducible walls that meet the box; a parameter with axis kind 'square' stands for its square, 'tangent' for tan(a/2)."""
+    wall_kinds: list[str]
+    """'singular' or 'limit' (an inequality), for each wall."""
     cells: list[Cell]
     graph: list[tuple[int, int]]
     """Pairs of cells that touch along a piece of line, certified."""
@@ -120,7 +122,7 @@ class Cells:
 
     @classmethod
     def built(
-        cls, name: str, space: str, plane: Plane, cells: list[Cell], fixed: dict[str, str],
+        cls, name: str, space: str, plane: Plane, kinds: list[str], cells: list[Cell], fixed: dict[str, str],
         rounded: Mapping[str, Fraction], said: Said,
     ) -> Cells:
         """Areas, graph and regions of counted cells."""
@@ -136,8 +138,8 @@ class Cells:
         ]
         walls = [public(curve.poly) for curve in plane.curves]
         return cls(
-            name, space, (plane.first, plane.second), walls, cells, graph, regions, fixed, dict(rounded), index,
-            criticals, plane,
+            name, space, (plane.first, plane.second), walls, kinds, cells, graph, regions, fixed, dict(rounded),
+            index, criticals, plane,
         )
 
 

@@ -19,7 +19,6 @@ from irsbot_kinematics.algebra.polynomial import (
     is_even,
     moved,
     primitive,
-    public,
     renamed,
     ring_of,
     univariate,
@@ -86,14 +85,14 @@ def rounded_parameters(system: System, digits: int | None) -> dict[str, Fraction
 
 def walls(
     system: System, space: str, names: Sequence[str], fixed: Mapping[str, Any], known: Mapping[str, Fraction]
-) -> list[Any]:
-    """Discriminant variety of a slice: irreducible polynomials of Z[names], angles as t_name.
+) -> list[tuple[Any, str]]:
+    """Discriminant variety of a slice: irreducible polynomials of Z[names], angles as t_name, and their kinds.
 
-    Projected singularities, and where an inequality becomes an equation.
+    'singular': projected singularities; 'limit': where an inequality becomes an equation.
     """
     keep = [f"t_{name}" if name in system.angles else name for name in names]
     kind = "parallel" if space == "joint" else "serial"
-    found = {str(poly): ring_of(poly, keep) for poly in project(system, kind, space, fixed)}
+    found = {str(ring_of(poly, keep)): (ring_of(poly, keep), "singular") for poly in project(system, kind, space, fixed)}
     others = [n for n in (*system.pose, *system.joints, *system.passive) if n not in (*system.joints, *system.pose)]
     others += list(system.pose if space == "joint" else system.joints)
     ring = context(system.gens([*names, *others]))
@@ -108,8 +107,8 @@ def walls(
             polys = [primitive(with_tangents(moved(bound, ring), turned), keep)]
         for poly in polys:
             for part, _ in irreducible(without_circles(poly)):
-                found[str(public(part))] = part
-    return sorted(found.values(), key=lambda f: (int(f.total_degree()), len(f), str(f)))
+                found.setdefault(str(part), (part, "limit"))
+    return sorted(found.values(), key=lambda w: (int(w[0].total_degree()), len(w[0]), str(w[0])))
 
 
 def meets_box(wall: Any, axes: Sequence[Axis]) -> bool:
@@ -148,16 +147,16 @@ def _decomposed(
     said("walls", 0, 1)
     found = walls(system, space, names, fixed, known)
     plain = [axis(name, ends, name in system.angles, False) for name, ends in zip(names, box, strict=True)]
-    found = [wall for wall in found if meets_box(wall, plain)]
+    found = [(wall, kind) for wall, kind in found if meets_box(wall, plain)]
     axes: list[Axis] = []
     for name, ends in zip(names, box, strict=True):
-        even = all(is_even(wall, name) for wall in found) if name not in system.angles else False
+        even = all(is_even(wall, name) for wall, _ in found) if name not in system.angles else False
         chart = axis(name, ends, name in system.angles, even)
         if chart.kind == "square":
-            found = [renamed(wall, name, name, 2) for wall in found]
+            found = [(renamed(wall, name, name, 2), kind) for wall, kind in found]
         axes.append(chart)
-    split = {str(part): part for wall in found for part, _ in irreducible(wall)}
-    plane = Plane(list(split.values()), axes[0], axes[1], said)
+    split = {str(part): (part, kind) for wall, kind in found for part, _ in irreducible(wall)}
+    plane = Plane([wall for wall, _ in split.values()], axes[0], axes[1], said)
     unknown = (*(system.pose if space == "joint" else system.joints), *system.passive)
     cells: list[Cell] = []
     total = sum(plane.rows(k) for k in range(len(plane.columns)))
@@ -169,4 +168,5 @@ def _decomposed(
             users = tuple(a.exact_user(p) for a, p in zip(axes, point, strict=True))
             cells.append(Cell(len(cells), column, row, (users[0], users[1]), point, number))
             said("numbers of solutions", len(cells), total)
-    return Cells.built(system.name, space, plane, cells, {n: str(v) for n, v in fixed.items()}, rounded, said)
+    kinds = [kind for _, kind in split.values()]
+    return Cells.built(system.name, space, plane, kinds, cells, {n: str(v) for n, v in fixed.items()}, rounded, said)
