@@ -15,6 +15,7 @@ from irsbot_kinematics.errors import (
     UnknownRobot,
     Unreachable,
 )
+from irsbot_kinematics.loops import LoopResult, certify_loop
 from irsbot_kinematics.mechanism import Coordinate, Guarantee, Mechanism, Posture, Status
 from irsbot_kinematics.robot import Evaluation, Robot, load_robot, make_robot, robots
 
@@ -26,6 +27,7 @@ __all__ = [
     "Guarantee",
     "InvalidGeometry",
     "KinematicsError",
+    "LoopResult",
     "Mechanism",
     "NotAssembled",
     "Posture",
@@ -33,6 +35,7 @@ __all__ = [
     "Status",
     "UnknownRobot",
     "Unreachable",
+    "certify_loop",
     "load_robot",
     "make_robot",
     "robots",

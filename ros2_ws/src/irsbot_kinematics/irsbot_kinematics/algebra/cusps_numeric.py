@@ -12,10 +12,11 @@ import numpy as np
 from irsbot_kinematics.algebra.cusps import Cusp, Cusps
 from irsbot_kinematics.algebra.determinants import jacobian
 from irsbot_kinematics.algebra.parse import cosine_of, sine_of
+from irsbot_kinematics.algebra.polynomial import fraction
 from irsbot_kinematics.algebra.sampling import Numeric
 from irsbot_kinematics.algebra.system import System
 
-STARTS = 1500
+STARTS = 600
 """1: random starts."""
 
 STEPS = 40
@@ -39,9 +40,10 @@ def numeric_cusps(system: System, space: str, free: Sequence[str], known: Mappin
     if len(polys) != n:
         return Cusps([], "numeric", None)
     rows = jacobian(polys, gens)
-    values = [_plain(p, names) for p in (*polys, *circles)]
-    slopes = [[_plain(p, names) for p in row] for row in rows]
-    bends = [[[_plain(p.derivative(g), names) for g in gens] for p in row] for row in rows]
+    slopes = [p for row in rows for p in row]
+    bends = [p.derivative(g) for p in slopes for g in gens]
+    table = Table([*polys, *circles, *slopes, *bends], names)
+    ends = np.cumsum([len(polys) + len(circles), len(slopes)])
     rng = np.random.default_rng(7)
     border, other, corner = rng.normal(size=(n, 1)), rng.normal(size=(1, n)), np.zeros((1, 1))
     size = _size(system)
@@ -49,7 +51,8 @@ def numeric_cusps(system: System, space: str, free: Sequence[str], known: Mappin
 
     def conditions(at: Any) -> Any:
         count = len(at)
-        A = np.stack([np.stack([f(at) for f in row], axis=1) for row in slopes], axis=1)
+        flat, slope, bend = np.split(table(at), ends, axis=1)
+        A = slope.reshape(count, n, n)
         full = np.concatenate(
             [
                 np.concatenate([A, np.broadcast_to(border, (count, n, 1))], axis=2),
@@ -61,9 +64,8 @@ def numeric_cusps(system: System, space: str, free: Sequence[str], known: Mappin
         right[:, n] = 1.0
         v = np.linalg.solve(full, right)[:, :, 0]
         w = np.linalg.solve(np.swapaxes(full, 1, 2), right)[:, :, 0]
-        bend = np.stack([np.stack([np.stack([f(at) for f in r], axis=1) for r in rows_], axis=1) for rows_ in bends], 1)
-        curve = np.einsum("ki,kijl,kj,kl->k", w[:, :n], bend, v[:, :n], v[:, :n])
-        return np.concatenate([np.stack([f(at) for f in values], axis=1), v[:, n:], curve[:, None]], axis=1)
+        curve = np.einsum("ki,kijl,kj,kl->k", w[:, :n], bend.reshape(count, n, n, n), v[:, :n], v[:, :n])
+        return np.concatenate([flat, v[:, n:], curve[:, None]], axis=1)
 
     change = np.full(len(points), inf)
     with np.errstate(all="ignore"):
@@ -91,12 +93,29 @@ def numeric_cusps(system: System, space: str, free: Sequence[str], known: Mappin
     return Cusps(_distinct(system, free, known, names, points[change < CONVERGED]), "numeric", None)
 
 
-def _plain(poly: Any, names: Sequence[str]) -> Any:
-    compiled = Numeric(poly, names) if poly != 0 else None
-    if compiled is None:
-        return lambda at: np.zeros(len(at), dtype=at.dtype)
-    scale = float(compiled.size)
-    return lambda at: compiled(at) * scale
+class Table:
+    """Many polynomials over one list of monomials: values (N, K) at points (N, n)."""
+
+    def __init__(self, polys: Sequence[Any], names: Sequence[str]) -> None:
+        own = tuple(polys[0].context().names())
+        place = [own.index(name) for name in names]
+        index: dict[tuple[int, ...], int] = {}
+        entries = []
+        for k, poly in enumerate(polys):
+            for m, c in zip(poly.monoms(), poly.coeffs(), strict=True):
+                row = index.setdefault(tuple(int(m[i]) for i in place), len(index))
+                entries.append((row, k, float(fraction(c))))
+        self.powers = np.array(list(index)).reshape(-1, len(names))
+        self.matrix = np.zeros((len(index), len(polys)))
+        for row, k, value in entries:
+            self.matrix[row, k] = value
+
+    def __call__(self, points: Any) -> Any:
+        found = np.ones((len(points), len(self.powers)), dtype=points.dtype)
+        for i in range(self.powers.shape[1]):
+            column = np.stack([points[:, i] ** k for k in range(self.powers[:, i].max() + 1)], axis=1)
+            found = found * column[:, self.powers[:, i]]
+        return found @ self.matrix
 
 
 def _size(system: System) -> float:

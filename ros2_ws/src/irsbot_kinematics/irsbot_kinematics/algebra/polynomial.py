@@ -165,7 +165,7 @@ def public(poly: Any, names: Sequence[str] | None = None) -> Polynomial:
     whole = primitive(poly, names)
     return Polynomial(
         tuple(whole.context().names()),
-        {tuple(m): int(c) for m, c in zip(whole.monoms(), whole.coeffs(), strict=True)},
+        {tuple(map(int, m)): int(c) for m, c in zip(whole.monoms(), whole.coeffs(), strict=True)},
     )
 
 

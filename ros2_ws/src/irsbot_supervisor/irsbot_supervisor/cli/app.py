@@ -8,6 +8,7 @@ import typer
 
 from irsbot_kinematics import InvalidGeometry, KinematicsError, NotAssembled, Unreachable
 from irsbot_supervisor.cli import (
+    algebra,
     bags,
     bench,
     check,
@@ -54,6 +55,7 @@ app.command("bench")(bench.bench)
 app.command("faults")(faults.faults)
 app.command("map")(map.draw)
 app.add_typer(design.app, name="design")
+app.add_typer(algebra.app, name="algebra")
 
 BAD_INPUT = (InvalidSettings, BadTrajectory, InvalidGeometry, BagError, SimulationError, KinematicsError)
 """What a user can cause; each says in one sentence what is wrong and what would be right."""
