@@ -16,12 +16,13 @@ from irsbot_kinematics.errors import (
     Unreachable,
 )
 from irsbot_kinematics.loops import LoopResult, certify_loop
-from irsbot_kinematics.mechanism import Coordinate, Guarantee, Mechanism, Posture, Status
+from irsbot_kinematics.mechanism import Coordinate, Cuspidal, Guarantee, Mechanism, Posture, Status
 from irsbot_kinematics.robot import Evaluation, Robot, load_robot, make_robot, robots
 
 __all__ = [
     "BadInput",
     "Coordinate",
+    "Cuspidal",
     "Evaluation",
     "Evaluations",
     "Guarantee",

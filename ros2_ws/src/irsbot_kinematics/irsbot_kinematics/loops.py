@@ -88,7 +88,9 @@ def certify_loop(
     except (TypeError, ValueError):
         raise BadInput(f"the path must be joint positions of shape (N, {width}), got {path!r}") from None
     if points.ndim != 2 or points.shape[1] != width or len(points) < 2 or not np.isfinite(points).all():
-        raise BadInput(f"the path must be at least two finite joint positions of shape (N, {width}), got {points.shape}")
+        raise BadInput(
+            f"the path must be at least two finite joint positions of shape (N, {width}), got {points.shape}"
+        )
     if isinstance(robot, Robot):
         return _of_robot(points, robot, start)
     return _of_system(points, robot, start)
@@ -150,5 +152,6 @@ def _back(points: Array, angles: Sequence[bool]) -> bool:
 
 def _apart(a: Sequence[float] | Array, b: Sequence[float] | Array, angles: Sequence[bool]) -> float:
     return max(
-        abs(remainder(float(u - v), 2.0 * pi)) if turned else abs(float(u - v)) for u, v, turned in zip(a, b, angles, strict=True)
+        abs(remainder(float(u - v), 2.0 * pi)) if turned else abs(float(u - v))
+        for u, v, turned in zip(a, b, angles, strict=True)
     )

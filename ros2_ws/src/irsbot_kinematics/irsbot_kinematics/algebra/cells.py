@@ -85,9 +85,7 @@ class Cells:
     def counts(self) -> dict[int, tuple[int, int]]:
         """Number of solutions -> (cells, regions)."""
         known = sorted({cell.count for cell in self.cells})
-        return {
-            n: (sum(c.count == n for c in self.cells), sum(r.count == n for r in self.regions)) for n in known
-        }
+        return {n: (sum(c.count == n for c in self.cells), sum(r.count == n for r in self.regions)) for n in known}
 
     def locate(self, point: Sequence[Any]) -> Cell | None:
         """The cell of a point; None on a wall or critical line and outside the box. Exact for rational points."""
@@ -122,8 +120,15 @@ class Cells:
 
     @classmethod
     def built(
-        cls, name: str, space: str, plane: Plane, kinds: list[str], cells: list[Cell], fixed: dict[str, str],
-        rounded: Mapping[str, Fraction], said: Said,
+        cls,
+        name: str,
+        space: str,
+        plane: Plane,
+        kinds: list[str],
+        cells: list[Cell],
+        fixed: dict[str, str],
+        rounded: Mapping[str, Fraction],
+        said: Said,
     ) -> Cells:
         """Areas, graph and regions of counted cells."""
         place = {(cell.column, cell.row): cell.index for cell in cells}
@@ -132,16 +137,28 @@ class Cells:
         index = [areas[cell.column][cell.row] for cell in cells]
         regions = _regions(cells, graph, index)
         criticals = [
-            ([int(c) for c in poly.coeffs()],
-             [(r.index, str(r.low), str(r.high)) for r in plane.criticals if r.poly is poly])
+            (
+                [int(c) for c in poly.coeffs()],
+                [(r.index, str(r.low), str(r.high)) for r in plane.criticals if r.poly is poly],
+            )
             for poly in plane.critical_polys
         ]
         walls = [public(curve.poly) for curve in plane.curves]
         return cls(
-            name, space, (plane.first, plane.second), walls, kinds, cells, graph, regions, fixed, dict(rounded),
-            index, criticals, plane,
+            name,
+            space,
+            (plane.first, plane.second),
+            walls,
+            kinds,
+            cells,
+            graph,
+            regions,
+            fixed,
+            dict(rounded),
+            index,
+            criticals,
+            plane,
         )
-
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_plane": None}

@@ -81,8 +81,11 @@ def _is_plane_map(system: System, free: list[str]) -> bool:
     if not isinstance(system.structure, PlanarLegs) or len(system.structure.legs) != 3:
         return False
     by_joint = {leg.square: leg for leg in system.structure.legs}
-    moving = {joint for joint in system.joints if any(joint in text for leg in system.structure.legs
-                                                     for text in (leg.kx, leg.ky))}
+    moving = {
+        joint
+        for joint in system.joints
+        if any(joint in text for leg in system.structure.legs for text in (leg.kx, leg.ky))
+    }
     return all(f"{name}^2" in by_joint for name in free) and not moving
 
 
@@ -277,9 +280,11 @@ def _powers(poly: Any) -> dict[int, Any]:
 
 
 def _serial_cusps(system: System, square: Any, height: Any, row: list[Any]) -> list[Cusp]:
-    """Both signs of z, with y = 0 and x > 0; th3 is the triple root -a3/(4 a4)."""
+    """Both signs of z, with y = 0 and x > 0; the triple root is that of the rest of f' divided by f''."""
     values = {"S": square, "Z": height, "t": flint.arb(0)}
-    t = -_ball(row[3], values) / (4 * _ball(row[4], values))
+    _, a1, a2, a3, a4 = (_ball(p, values) for p in row)
+    # f' - (t/3 + a3/(12 a4)) f'' = (4 a2/3 - a3^2/(2 a4)) t + a1 - a2 a3/(6 a4)
+    t = -(a1 - a2 * a3 / (6 * a4)) / (4 * a2 / 3 - a3 * a3 / (2 * a4))
     cosine, sine = _pair(t)
     d2, d3, d4, r2 = (float(_constant(system, name, {})) for name in ("d2", "d3", "d4", "r2"))
     c3, s3 = float(cosine.mid()), float(sine.mid())

@@ -92,7 +92,9 @@ def walls(
     """
     keep = [f"t_{name}" if name in system.angles else name for name in names]
     kind = "parallel" if space == "joint" else "serial"
-    found = {str(ring_of(poly, keep)): (ring_of(poly, keep), "singular") for poly in project(system, kind, space, fixed)}
+    found = {
+        str(ring_of(poly, keep)): (ring_of(poly, keep), "singular") for poly in project(system, kind, space, fixed)
+    }
     others = [n for n in (*system.pose, *system.joints, *system.passive) if n not in (*system.joints, *system.pose)]
     others += list(system.pose if space == "joint" else system.joints)
     ring = context(system.gens([*names, *others]))

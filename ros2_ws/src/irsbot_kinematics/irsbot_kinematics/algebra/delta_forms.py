@@ -152,5 +152,3 @@ def _times(a: dict[tuple[int, ...], Any], b: dict[tuple[int, ...], Any], squares
             key = tuple((p[k] + q[k]) % 2 for k in range(3))
             total[key] = total[key] + term if key in total else term
     return {key: value for key, value in total.items() if value != 0}
-
-

@@ -24,6 +24,9 @@ FORMS = ((1, 3, -2, 7, 5, -11, 13, 17, -19, 23, 29, -31), (2, -5, 9, 4, -7, 15, 
 BITS = 128
 """bit: precision of the enclosures of solutions at first; doubled where a sign stays open."""
 
+SHARP = 2.0**-56
+"""1: relative radius of an enclosure that is good for all digits of a float."""
+
 MOST_BITS = 8192
 """bit: beyond this a value whose sign is still open counts as zero: it is one in every case that was met."""
 
@@ -80,7 +83,8 @@ class Fibre:
             return ()
         by_power = [(factor, int(power)) for factor, power in self._separated[0].factor_squarefree()[1]]
         return tuple(
-            next(power for factor, power in by_power if flint.arb_poly(factor)(root).contains(0)) for root in self._real_roots(512)
+            next(power for factor, power in by_power if flint.arb_poly(factor)(root).contains(0))
+            for root in self._real_roots(512)
         )
 
     def count(self) -> int:
@@ -96,12 +100,24 @@ class Fibre:
             for root in self._real_roots(bits):
                 bottom = flint.arb_poly(self._representation[0])(root)
                 tops = self._representation[1]
-                found.append({name: flint.arb_poly(top)(root) / bottom for name, top in zip(self.names, tops, strict=True)})
+                found.append(
+                    {name: flint.arb_poly(top)(root) / bottom for name, top in zip(self.names, tops, strict=True)}
+                )
         return found
+
+    def sharp(self, positive: Sequence[Any] = ()) -> list[dict[str, Any]]:
+        """The accepted solutions in enclosures that are good for all digits of a float."""
+        bits = BITS
+        while True:
+            found = self.accepted(positive, bits)
+            wide = any(ball.rad() > (1 + abs(ball).lower()) * SHARP for row in found for ball in row.values())
+            if not wide or bits >= MOST_BITS:
+                return found
+            bits *= 2
 
     def accepted(self, positive: Sequence[Any], bits: int = BITS) -> list[dict[str, Any]]:
         """The real solutions at which all of `positive` (flint polynomials in names) are positive. Certified."""
-        conditions = [primitive_terms(poly, self.names) for poly in positive]
+        conditions = [terms_over(poly, self.names) for poly in positive]
         solutions = self.real(bits)
         if not conditions:
             return solutions
@@ -159,9 +175,7 @@ class Fibre:
                     row[place[tuple(power)]] = flint.fmpq(-coefficient, head[1])
             else:
                 i = next(
-                    i
-                    for i in range(len(monomial))
-                    if monomial[i] and (below := _times(monomial, i, -1)) not in place
+                    i for i in range(len(monomial)) if monomial[i] and (below := _times(monomial, i, -1)) not in place
                 )
                 below = _times(monomial, i, -1)
                 row = [zero] * size
@@ -225,9 +239,8 @@ class Fibre:
         for monomial in self.basis[1:]:
             i = next(i for i, power in enumerate(monomial) if power)
             products[monomial] = products[_times(monomial, i, -1)] * self._matrices[i]
-        return flint.fmpq_mat(1, size, [products[m].trace() if hasattr(products[m], "trace") else
-                                        sum((products[m][k, k] for k in range(size)), flint.fmpq(0))
-                                        for m in self.basis])
+        sums = [sum((products[m][k, k] for k in range(size)), flint.fmpq(0)) for m in self.basis]
+        return flint.fmpq_mat(1, size, sums)
 
     def _real_roots(self, bits: int) -> list[Any]:
         from irsbot_kinematics.algebra.roots import real_balls
@@ -258,12 +271,11 @@ class Fibre:
             return None if open_ else True
 
 
-def primitive_terms(poly: Any, names: Sequence[str]) -> list[tuple[Monomial, Any]]:
-    """Terms of a rational polynomial in Z[names], scaled by a positive number."""
+def terms_over(poly: Any, names: Sequence[str]) -> list[tuple[Monomial, Any]]:
+    """Terms of a rational polynomial, exponents in the order of `names`."""
     own = tuple(poly.context().names())
     place = [own.index(name) for name in names]
-    terms = [(tuple(int(m[i]) for i in place), c) for m, c in zip(poly.monoms(), poly.coeffs(), strict=True)]
-    return terms
+    return [(tuple(int(m[i]) for i in place), c) for m, c in zip(poly.monoms(), poly.coeffs(), strict=True)]
 
 
 def _times(monomial: Monomial, i: int, by: int = 1) -> Monomial:

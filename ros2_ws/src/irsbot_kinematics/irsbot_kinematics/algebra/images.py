@@ -70,8 +70,10 @@ def pairing(system: System, joint_cells: Cells, pose_cells: Cells) -> dict[int, 
 
 
 def _located(cells: Cells, configuration: Configuration) -> int | None:
-    point = [Fraction(configuration.values[axis.name]) if axis.kind != "tangent" else configuration.values[axis.name]
-             for axis in cells.axes]
+    point = [
+        Fraction(configuration.values[axis.name]) if axis.kind != "tangent" else configuration.values[axis.name]
+        for axis in cells.axes
+    ]
     cell = cells.locate(point)
     return None if cell is None else cell.index
 
@@ -111,8 +113,9 @@ def image_of_path(
         if cells is None:
             return None
         values = at(k)
-        return cells.locate([values[axis.name] if axis.kind != "tangent" else float(values[axis.name])
-                             for axis in cells.axes])
+        return cells.locate(
+            [values[axis.name] if axis.kind != "tangent" else float(values[axis.name]) for axis in cells.axes]
+        )
 
     places = [Fraction(i, per_segment) for i in range(total + 1)]
     if cells is not None:
@@ -129,8 +132,10 @@ def image_of_path(
         cell = cell_of(k)
         found.append(
             ImagePoint(
-                float(k / (len(corners) - 1)), {n: float(v) for n, v in values.items()},
-                configurations(system, values), None if cell is None else cell.index,
+                float(k / (len(corners) - 1)),
+                {n: float(v) for n, v in values.items()},
+                configurations(system, values),
+                None if cell is None else cell.index,
             )
         )
     return found

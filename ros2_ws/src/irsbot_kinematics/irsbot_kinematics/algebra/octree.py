@@ -167,7 +167,9 @@ def _derivatives(powers: NDArray[Any], coefficients: Floats) -> list[tuple[tuple
         there = (powers >= np.array(order)).all(axis=1)
         if there.any():
             rows = powers[there]
-            factor = np.array([float(np.prod([comb(int(p), int(k)) for p, k in zip(row, order, strict=True)])) for row in rows])
+            factor = np.array(
+                [float(np.prod([comb(int(p), int(k)) for p, k in zip(row, order, strict=True)])) for row in rows]
+            )
             found.append((tuple(int(k) for k in order), rows - np.array(order), coefficients[there] * factor))
     return found
 
@@ -176,9 +178,7 @@ def _powers(centre: Floats, most: NDArray[Any]) -> list[Floats]:
     return [np.stack([centre[:, i] ** k for k in range(most[i] + 1)], axis=1) for i in range(3)]
 
 
-def _counted(
-    system: System, names: Sequence[str], unknown: Sequence[str], boxes: Floats
-) -> NDArray[np.int64]:
+def _counted(system: System, names: Sequence[str], unknown: Sequence[str], boxes: Floats) -> NDArray[np.int64]:
     """Numbers at the centres; boxes that share a face are one component and are counted once."""
     centres = boxes.mean(axis=2)
     group = _components(boxes)
@@ -226,7 +226,9 @@ def _components(boxes: Floats) -> NDArray[np.int64]:
     return np.asarray(connected_components(graph, directed=False)[1], dtype=np.int64)
 
 
-def volume_slices(system: System, names: Sequence[str], box: Sequence[Sequence[Any]], count: int) -> list[Mapping[int, float]]:
+def volume_slices(
+    system: System, names: Sequence[str], box: Sequence[Sequence[Any]], count: int
+) -> list[Mapping[int, float]]:
     """Areas by number of solutions in `count` exact slices across the third name, at the middles of equal layers."""
     from irsbot_kinematics.algebra.decompose import decompose
 

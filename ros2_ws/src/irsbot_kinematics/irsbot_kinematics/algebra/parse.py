@@ -80,7 +80,9 @@ class Reader:
                 return self._power(self._read(left, said, what), right, what)
             case ast.BinOp(left=left, op=op, right=right):
                 return self._combined(self._read(left, said, what), op, self._read(right, said, what), what)
-        raise AlgebraError(f"{what}: '{ast.unparse(node)}' is not allowed; use + - * / ^, numbers, names, cos, sin, tan")
+        raise AlgebraError(
+            f"{what}: '{ast.unparse(node)}' is not allowed; use + - * / ^, numbers, names, cos, sin, tan"
+        )
 
     def _named(self, name: str, what: str) -> Any:
         if name in self.angles:

@@ -62,7 +62,9 @@ class Numeric:
         return np.stack(columns, axis=1)
 
 
-def sample_zeros(polys: Sequence[Any], names: Sequence[str], count: int, seed: int = 1, scale: float = 2.0) -> Complexes:
+def sample_zeros(
+    polys: Sequence[Any], names: Sequence[str], count: int, seed: int = 1, scale: float = 2.0
+) -> Complexes:
     """Up to `count` complex points (N, n) where all polynomials vanish, each on a random plane of its own."""
     functions = [Numeric(poly, names) for poly in polys]
     n, m = len(names), len(functions)

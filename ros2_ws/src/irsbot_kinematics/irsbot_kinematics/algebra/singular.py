@@ -16,7 +16,16 @@ from irsbot_kinematics.algebra.manipulators.delta import DeltaRails
 from irsbot_kinematics.algebra.manipulators.planar import PlanarLegs
 from irsbot_kinematics.algebra.parse import cosine_of, sine_of
 from irsbot_kinematics.algebra.planar_forms import T, closing, parallel_joint
-from irsbot_kinematics.algebra.polynomial import Polynomial, context, irreducible, moved, primitive, product, public, rational
+from irsbot_kinematics.algebra.polynomial import (
+    Polynomial,
+    context,
+    irreducible,
+    moved,
+    primitive,
+    product,
+    public,
+    rational,
+)
 from irsbot_kinematics.algebra.system import System
 from irsbot_kinematics.algebra.tangents import with_tangents, without_circles
 
@@ -70,7 +79,9 @@ def complete(system: System, what: str) -> None:
         raise AlgebraError(f"{what} needs values for {', '.join(lost)}: use assign()")
 
 
-def square_system(system: System, kind: str, fixed: Mapping[str, Fraction] | None = None) -> tuple[list[Any], list[str]]:
+def square_system(
+    system: System, kind: str, fixed: Mapping[str, Fraction] | None = None
+) -> tuple[list[Any], list[str]]:
     """Equations with circles, and the generators by which they are differentiated, as many.
 
     parallel: pose and passive; serial: joints and passive, equations without any of them left out.
@@ -128,7 +139,9 @@ def singularities(system: System, kind: str = "parallel") -> list[list[Polynomia
     if isinstance(det, int) or det == 0:
         raise AlgebraError(f"{system.name}: every configuration is a {kind} singularity")
     names = system.gens([n for n in system.names if n not in system.values])
-    equations = [public(p, names) for p in (*system.polys(), *system.circles((*system.pose, *system.joints, *system.passive)))]
+    equations = [
+        public(p, names) for p in (*system.polys(), *system.circles((*system.pose, *system.joints, *system.passive)))
+    ]
     return [[*equations, public(factor)] for factor in _components(system, det, names)]
 
 
@@ -195,8 +208,10 @@ def _eliminated(
     found: dict[str, Any] = {}
     for factor in _components(system, moved(det, ring), tuple(ring.names())):
         equations, drop = linked(system, moved_whole(factor, ring.names()), known, others, ring)
-        hits = [primitive(with_tangents(factor, turned), keep)] if not drop else eliminate(
-            [with_tangents(p, turned) for p in equations], keep, drop
+        hits = (
+            [primitive(with_tangents(factor, turned), keep)]
+            if not drop
+            else eliminate([with_tangents(p, turned) for p in equations], keep, drop)
         )
         for poly in hits:
             for part, _ in irreducible(without_circles(poly)):
@@ -254,7 +269,9 @@ def infinite_equations(system: System) -> list[list[Polynomial]]:
         for a, b in ((x, y), (y, x)):
             coefficients += _coefficients(primitive(first.resultant(second, a)), b)
     else:
-        raise AlgebraError(f"infinite equations are known for planar platforms and two pose variables, not {system.name}")
+        raise AlgebraError(
+            f"infinite equations are known for planar platforms and two pose variables, not {system.name}"
+        )
     names = system.gens(system.joints)
     circles = [primitive(c, names) for c in system.circles(system.joints)]
     return _common(coefficients, circles, names)

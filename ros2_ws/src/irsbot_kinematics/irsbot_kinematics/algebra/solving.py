@@ -88,7 +88,7 @@ def _solved(
     if any(p.is_constant() and not (p != 0 and p.leading_coefficient() > 0) for p in positive):
         return []
     found = []
-    for solution in fibre.accepted([p for p in positive if not p.is_constant()]):
+    for solution in fibre.sharp([p for p in positive if not p.is_constant()]):
         values = {name: float(ball.mid()) for name, ball in solution.items()}
         radius = max((float(ball.rad()) for ball in solution.values()), default=0.0)
         found.append(({name: _value(system, name, values) for name in unknown}, radius))

@@ -39,9 +39,7 @@ def content_hash(system: System, key: Any) -> str:
     return hashlib.sha256(repr(said).encode()).hexdigest()
 
 
-def stored_result(
-    system: System, key: Any, kind: type[Result], work: Callable[[], Result], use: bool = True
-) -> Result:
+def stored_result(system: System, key: Any, kind: type[Result], work: Callable[[], Result], use: bool = True) -> Result:
     """The result of `work`, from the cache where it is there. A cache that cannot be read or written is no error."""
     if not use:
         return work()

@@ -139,9 +139,7 @@ class Tracker:
         """-Y F(centre, joints): how far the solution may be from the centre, to first order."""
         exact = [flint.arb(c) for c in centre]
         residual = [_value(terms, (*exact, *joints)) for terms in self._values]
-        return [
-            -sum((flint.arb(y) * r for y, r in zip(row, residual, strict=True)), flint.arb(0)) for row in inverse
-        ]
+        return [-sum((flint.arb(y) * r for y, r in zip(row, residual, strict=True)), flint.arb(0)) for row in inverse]
 
     def _contracts(
         self, inverse: Floats, shift: Sequence[Any], box: Sequence[Any], radius: Floats, joints: Sequence[Any]

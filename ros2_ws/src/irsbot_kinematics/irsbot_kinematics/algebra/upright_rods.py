@@ -39,7 +39,9 @@ def eliminant(system: System, fixed: Mapping[str, Fraction]) -> tuple[Any, list[
         assert isinstance(rod, Fraction)
         assert isinstance(radius, Fraction)
         length = rational(rod)
-        points.append((rational(radius) * w + length * (k * c - h * s), rational(height) * w + length * (h * c + k * s), w))
+        points.append(
+            (rational(radius) * w + length * (k * c - h * s), rational(height) * w + length * (h * c + k * s), w)
+        )
     assert isinstance(platform, Fraction)
     square = rational(3 * platform * platform)
     equations = []
@@ -100,11 +102,15 @@ def _real_roots(poly: Any, known: str, value: Any, name: str) -> list[Any]:
     return [root.real for root in roots if abs(root.imag).upper() < flint.arb(2) ** (-BITS // 4)]
 
 
-def _pose(system: System, fixed: Mapping[str, Fraction], tangents: tuple[Any, Any, Any]) -> tuple[dict[str, float], float]:
+def _pose(
+    system: System, fixed: Mapping[str, Fraction], tangents: tuple[Any, Any, Any]
+) -> tuple[dict[str, float], float]:
     rods, values = system.structure, system.values
     k, h = (float(v) for v in pair_of_tangent(TURN))
     places = []
-    for i, (t, (ux, uy)) in enumerate(zip(tangents, ((1.0, 0.0), (-0.5, sqrt(0.75)), (-0.5, -sqrt(0.75))), strict=True), 1):
+    for i, (t, (ux, uy)) in enumerate(
+        zip(tangents, ((1.0, 0.0), (-0.5, sqrt(0.75)), (-0.5, -sqrt(0.75))), strict=True), 1
+    ):
         middle = float(t.mid())
         c, s = (1.0 - middle * middle) / (1.0 + middle * middle), 2.0 * middle / (1.0 + middle * middle)
         driven, rod = float(fixed[f"rho{i}"]), float(rods.rod)

@@ -16,6 +16,7 @@ from irsbot_kinematics.arithmetic import FLOATS, Arithmetic, N
 from irsbot_kinematics.guarantees import displacement
 from irsbot_kinematics.mechanism import (
     Coordinate,
+    Cuspidal,
     Floats,
     Guarantee,
     Legs,
@@ -50,6 +51,9 @@ class PlanarPair(Mechanism):
     """Kinematics, Type 1 and Type 2 measures of the planar loop."""
 
     loop: Loop
+    cuspidal = Cuspidal(
+        "no", "two assembly modes, mirror images with opposite signs of det A at the same joints: the sign is a label"
+    )
 
     def __init__(self, loop: Loop, joint_names: tuple[str, str] = ("joint_1", "joint_2")) -> None:
         self.loop = loop

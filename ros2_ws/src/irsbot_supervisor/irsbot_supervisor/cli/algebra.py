@@ -74,7 +74,12 @@ def singular(
         for p in found
     ]
     if as_json:
-        whole = {"degree": found.degree, "degrees": found.degrees, "terms": found.terms, "height_bits": found.height_bits}
+        whole = {
+            "degree": found.degree,
+            "degrees": found.degrees,
+            "terms": found.terms,
+            "height_bits": found.height_bits,
+        }
         print_json({"name": system.name, "kind": kind, "space": space, "factors": rows, "generator": whole})
     else:
         table = Table("factor", "degree", "partial degrees", "terms", "bits", "polynomial")
@@ -91,9 +96,7 @@ def singular(
 
 
 @app.command()
-def cusps(
-    name: Name, space: Space = "joint", fix: Fix = None, set_: Lengths = None, as_json: AsJson = False
-) -> None:
+def cusps(name: Name, space: Space = "joint", fix: Fix = None, set_: Lengths = None, as_json: AsJson = False) -> None:
     """Cusps of a slice with two free parameters: triple direct (joint) or inverse (pose) solutions.
 
     Example: irsbot algebra cusps 3rpr --fix rho1=17
@@ -150,7 +153,9 @@ def cells(
             table.add_row(str(n), str(number), str(regions), f"{areas[n]:.8f}")
         _print(table)
         if found.rounded:
-            out.print(f"rounded for the decomposition: {', '.join(f'{k} = {float(v):g}' for k, v in found.rounded.items())}")
+            out.print(
+                f"rounded for the decomposition: {', '.join(f'{k} = {float(v):g}' for k, v in found.rounded.items())}"
+            )
     if target:
         from irsbot_supervisor.pictures.algebra import draw_cells
 
@@ -223,8 +228,10 @@ def loop(
     if as_json:
         print_json({"name": system.name, **found.__dict__})
     else:
-        out.print(f"{'certified' if found.certified else 'NOT certified'}: {found.steps} steps, "
-                  f"smallest |det A| {found.smallest_det:.6g}, smallest Type 2 margin {found.smallest_type2:.4g}")
+        out.print(
+            f"{'certified' if found.certified else 'NOT certified'}: {found.steps} steps, "
+            f"smallest |det A| {found.smallest_det:.6g}, smallest Type 2 margin {found.smallest_type2:.4g}"
+        )
         out.print(f"start {found.start.tolist()}")
         out.print(f"end   {found.end.tolist()}")
         changed = "the assembly mode CHANGED without a singularity" if found.changed else "the platform comes back"
@@ -272,7 +279,16 @@ def _system(name: str, lengths: list[str] | None) -> al.System:
 
 def _equations(name: str, text: dict[str, Any], lengths: dict[str, str]) -> al.System:
     known = {
-        "equations", "inequalities", "pose", "joints", "passive", "angles", "parameters", "name", "description", "units"
+        "equations",
+        "inequalities",
+        "pose",
+        "joints",
+        "passive",
+        "angles",
+        "parameters",
+        "name",
+        "description",
+        "units",
     }
     lost = sorted(set(map(str, text)) - known)
     if lost:
@@ -333,7 +349,12 @@ def _cusps_of(system: al.System, found: al.Cells, fix: list[str] | None) -> list
 
 
 def _draw_singular(
-    system: al.System, found: al.Projection, box: dict[str, tuple[str, str]], fixed: dict[str, Any], target: Path, title: str
+    system: al.System,
+    found: al.Projection,
+    box: dict[str, tuple[str, str]],
+    fixed: dict[str, Any],
+    target: Path,
+    title: str,
 ) -> None:
     names = tuple(box)
     ranges = [(float(Fraction(low)), float(Fraction(high))) for low, high in box.values()]

@@ -55,9 +55,7 @@ def draw_side_by_side(joint: Cells, pose: Cells, system: System, target: Path) -
     figure.savefig(target, dpi=130)
 
 
-def show_cells(
-    axes: Axes, cells: Cells, system: System, cusps: Sequence[Cusp] = (), title: str | None = None
-) -> None:
+def show_cells(axes: Axes, cells: Cells, system: System, cusps: Sequence[Cusp] = (), title: str | None = None) -> None:
     """Draw a decomposition into axes."""
     plane = cells.plane
     count = {(cell.column, cell.row): cell.count for cell in cells.cells}
@@ -71,9 +69,12 @@ def show_cells(
     areas = cells.areas()
     regions = cells.counts()
     handles: list[Any] = [
-        Patch(facecolor=colour_of(n), edgecolor="#888888",
-              label=f"{n} solution{'s' if n != 1 else ''}: {regions[n][1]} region{'s' if regions[n][1] != 1 else ''}, "
-                    f"area {area:.4g}")
+        Patch(
+            facecolor=colour_of(n),
+            edgecolor="#888888",
+            label=f"{n} solution{'s' if n != 1 else ''}: {regions[n][1]} region{'s' if regions[n][1] != 1 else ''}, "
+            f"area {area:.4g}",
+        )
         for n, area in areas.items()
     ]
     handles += _show_cusps(axes, cusps, first.name, second.name)
@@ -107,7 +108,8 @@ def draw_configurations(system: System, found: Sequence[Configuration], target: 
     for i, configuration in enumerate(found):
         axes: Any = figure.add_subplot(rows, columns, i + 1, projection="3d" if spatial else None)
         _show_robot(axes, system, configuration, BRANCHES[i % len(BRANCHES)])
-        said = ", ".join(f"{name} = {value:.4g}" for name, value in configuration.pose.items())
+        varied = [n for n in found[0].values if len({round(c.values[n], 9) for c in found}) > 1] or list(system.pose)
+        said = ", ".join(f"{name} = {configuration.values[name]:.4g}" for name in varied[:4])
         axes.set_title(f"{i + 1}: {said}", fontsize="small")
     figure.suptitle(title or f"{system.name}: {len(found)} configurations")
     figure.savefig(target, dpi=110)
@@ -128,8 +130,14 @@ def draw_path(system: System, found: Sequence[ImagePoint], target: Path, cells: 
     others = system.joints if set(names) <= set(system.pose) else system.pose
     for k in range(max(len(point.images) for point in found)):
         row = [point.images[k].values for point in found if len(point.images) > k]
-        right.plot([v[others[0]] for v in row], [v[others[1]] for v in row], ".", markersize=4,
-                   color=BRANCHES[k % len(BRANCHES)], label=f"solution {k + 1}")
+        right.plot(
+            [v[others[0]] for v in row],
+            [v[others[1]] for v in row],
+            ".",
+            markersize=4,
+            color=BRANCHES[k % len(BRANCHES)],
+            label=f"solution {k + 1}",
+        )
     right.set_xlabel(label_of(system, others[0]))
     right.set_ylabel(label_of(system, others[1]))
     right.set_title("images, numbered by the first unknown")
@@ -272,7 +280,9 @@ def _show_robot(axes: Any, system: System, configuration: Configuration, colour:
             axes.fill(*row, color=colour, alpha=0.35)
         axes.plot(*row, "-", color=colour, linewidth=2.0)
     for name, place in points.items():
-        axes.plot(*[[v] for v in place], "s" if name in system.drawing.actuators else "o", color="#333333", markersize=4)
+        axes.plot(
+            *[[v] for v in place], "s" if name in system.drawing.actuators else "o", color="#333333", markersize=4
+        )
         axes.text(*place, f" {name}", fontsize=7)
     if len(next(iter(points.values()))) == 2:
         axes.set_aspect("equal", adjustable="datalim")

@@ -12,8 +12,11 @@ from irsbot_kinematics.algebra.exact import exact, square_root
 from irsbot_kinematics.algebra.system import Drawing, System
 
 Vector = tuple[Fraction, Fraction, Fraction]
-X, Y, Z = ((Fraction(1), Fraction(0), Fraction(0)), (Fraction(0), Fraction(1), Fraction(0)),
-           (Fraction(0), Fraction(0), Fraction(1)))
+X, Y, Z = (
+    (Fraction(1), Fraction(0), Fraction(0)),
+    (Fraction(0), Fraction(1), Fraction(0)),
+    (Fraction(0), Fraction(0), Fraction(1)),
+)
 ORIGIN = (Fraction(0), Fraction(0), Fraction(0))
 
 
@@ -27,8 +30,15 @@ class DeltaRails:
 
 
 def delta_system(
-    name: str, origins: Sequence[Vector], directions: Sequence[Vector], rod: Any, low: Any, high: Any,
-    joints: Sequence[str] = ("rho1", "rho2", "rho3"), description: str = "", unit: str = "",
+    name: str,
+    origins: Sequence[Vector],
+    directions: Sequence[Vector],
+    rod: Any,
+    low: Any,
+    high: Any,
+    joints: Sequence[str] = ("rho1", "rho2", "rho3"),
+    description: str = "",
+    unit: str = "",
 ) -> System:
     """The system of three rails; directions need to be unit vectors up to the rounding of their coordinates."""
     length = exact(rod, "L")
@@ -89,6 +99,9 @@ def uranesx(L: Any = 2, half_root_3: Any = "433/500", low: Any = 0, high: Any = 
         h = square_root(Fraction(3, 4), half_root_3)
     else:
         h = exact(half_root_3, "half_root_3")
-    origins = ((Fraction(1), Fraction(0), Fraction(0)), (Fraction(-1, 2), h, Fraction(0)),
-               (Fraction(-1, 2), -h, Fraction(0)))
+    origins = (
+        (Fraction(1), Fraction(0), Fraction(0)),
+        (Fraction(-1, 2), h, Fraction(0)),
+        (Fraction(-1, 2), -h, Fraction(0)),
+    )
     return delta_system("uranesx", origins, (Z, Z, Z), L, exact(low), exact(high))

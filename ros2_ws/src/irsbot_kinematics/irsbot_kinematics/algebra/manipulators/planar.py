@@ -53,8 +53,9 @@ def _drawing(legs: Sequence[Leg], feet: Sequence[tuple[str, str]]) -> Drawing:
             f"y + {leg.bx}*sin(phi) + ({leg.by})*cos(phi)",
         )
     chains = [[name for name in (f"A{i}", f"C{i}", f"B{i}") if name in points] for i in (1, 2, 3)]
-    return Drawing(points, chains, [["B1", "B2", "B3"]], [(f"A{i}", f"C{i}" if f"C{i}" in points else f"B{i}")
-                                                        for i in (1, 2, 3)])
+    return Drawing(
+        points, chains, [["B1", "B2", "B3"]], [(f"A{i}", f"C{i}" if f"C{i}" in points else f"B{i}") for i in (1, 2, 3)]
+    )
 
 
 def _platform(d1: Any, d2: Any, d3: Any, beta: Any, digits: int) -> dict[str, Fraction]:
@@ -77,8 +78,14 @@ def _platform(d1: Any, d2: Any, d3: Any, beta: Any, digits: int) -> dict[str, Fr
 
 
 def rpr3(
-    d1: Any = "17.04", d2: Any = "16.54", d3: Any = "20.84", beta: Any = None, A2x: Any = "15.91", A3x: Any = 0,
-    A3y: Any = 10, digits: int = POINT_DIGITS,
+    d1: Any = "17.04",
+    d2: Any = "16.54",
+    d3: Any = "20.84",
+    beta: Any = None,
+    A2x: Any = "15.91",
+    A3x: Any = 0,
+    A3y: Any = 10,
+    digits: int = POINT_DIGITS,
 ) -> System:
     """3-RPR of [S4], Listing 8: legs rho_i from A1 = 0, A2 = (A2x, 0), A3 to B1 = P, B2, B3.
 
@@ -128,8 +135,16 @@ def rpr3_full(**lengths: Any) -> System:
 
 
 def prr3(
-    l: Any = 3, o2x: Any = 6, o2y: Any = 0, o3x: Any = 1, o3y: Any = 6, u2: Any = ("-3/5", "4/5"), b2x: Any = 2,
-    b2y: Any = 0, b3x: Any = 1, b3y: Any = "3/2",
+    l: Any = 3,
+    o2x: Any = 6,
+    o2y: Any = 0,
+    o3x: Any = 1,
+    o3y: Any = 6,
+    u2: Any = ("-3/5", "4/5"),
+    b2x: Any = 2,
+    b2y: Any = 0,
+    b3x: Any = 1,
+    b3y: Any = "3/2",
 ) -> System:
     """3-PRR: carriages at o_i + r_i u_i, rods l; o1 = 0, u1 = (1, 0), u3 = (0, -1), b1 = 0."""
     legs = (
@@ -143,8 +158,16 @@ def prr3(
         joints=["r1", "r2", "r3"],
         angles=["phi", "u2"],
         parameters={
-            "l": l, "o2x": o2x, "o2y": o2y, "o3x": o3x, "o3y": o3y, "u2": u2,
-            "b2x": b2x, "b2y": b2y, "b3x": b3x, "b3y": b3y,
+            "l": l,
+            "o2x": o2x,
+            "o2y": o2y,
+            "o3x": o3x,
+            "o3y": o3y,
+            "u2": u2,
+            "b2x": b2x,
+            "b2y": b2y,
+            "b3x": b3x,
+            "b3y": b3y,
         },
         name="3prr",
         description="planar 3-PRR: three carriages and rods",
@@ -195,11 +218,18 @@ def prp_2prr(
         units={"phi": "rad"},
         drawing=Drawing(
             {
-                "C1": ("r1", "0"), "B1": ("x", "y"), "A2": ("0", "o2y"), "C2": ("r2", "o2y"),
-                "B2": ("x + b2x*cos(phi)", "y + b2x*sin(phi)"), "A3": ("o3x", "0"), "C3": ("o3x", "r3"),
+                "C1": ("r1", "0"),
+                "B1": ("x", "y"),
+                "A2": ("0", "o2y"),
+                "C2": ("r2", "o2y"),
+                "B2": ("x + b2x*cos(phi)", "y + b2x*sin(phi)"),
+                "A3": ("o3x", "0"),
+                "C3": ("o3x", "r3"),
                 "B3": ("x + b3x*cos(phi) - b3y*sin(phi)", "y + b3x*sin(phi) + b3y*cos(phi)"),
             },
-            [["C1", "B1"], ["A2", "C2", "B2"], ["A3", "C3", "B3"]], [["B1", "B2", "B3"]], [("A2", "C2"), ("A3", "C3")],
+            [["C1", "B1"], ["A2", "C2", "B2"], ["A3", "C3", "B3"]],
+            [["B1", "B2", "B3"]],
+            [("A2", "C2"), ("A3", "C3")],
         ),
         structure=PlanarLegs((second, third), "r1"),
     )

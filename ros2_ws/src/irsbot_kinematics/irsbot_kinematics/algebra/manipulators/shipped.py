@@ -73,7 +73,10 @@ def _pair(name: str, mechanism: Mechanism) -> System:
         joints=[q1, q2],
         angles=[q1, q2],
         parameters={
-            "b": stored(loop.half_base), "e": stored(loop.drop), "l1": stored(loop.crank), "l2": stored(loop.rod),
+            "b": stored(loop.half_base),
+            "e": stored(loop.drop),
+            "l1": stored(loop.crank),
+            "l2": stored(loop.rod),
         },
         name=name,
         description="equivalent five-bar",

@@ -31,8 +31,9 @@ def prrp(g: Any = ("3/5", "4/5"), L: Any = 2) -> System:
         parameters={"g": g, "L": L},
         name="prrp",
         description="planar PRRP: a rod between two carriages",
-        drawing=Drawing({"O": ("0", "0"), "P": ("0", "y"), "C": ("r*sin(g)", "r*cos(g)")}, [["O", "C", "P"]], [],
-                        [("O", "C")]),
+        drawing=Drawing(
+            {"O": ("0", "0"), "P": ("0", "y"), "C": ("r*sin(g)", "r*cos(g)")}, [["O", "C", "P"]], [], [("O", "C")]
+        ),
     )
 
 
@@ -59,8 +60,13 @@ def five_bar_drawing(turn: int) -> Drawing:
     up = "l1*sin(q1)" if turn > 0 else "-l1*sin(q1)"
     return Drawing(
         {
-            "A1": ("-b", "0"), "C1": ("-b + l1*cos(q1)", up), "P": ("x", "z"),
-            "C2": ("b + l1*cos(q2)", up.replace("q1", "q2")), "A2": ("b", "0"),
+            "A1": ("-b", "0"),
+            "C1": ("-b + l1*cos(q1)", up),
+            "P": ("x", "z"),
+            "C2": ("b + l1*cos(q2)", up.replace("q1", "q2")),
+            "A2": ("b", "0"),
         },
-        [["A1", "C1", "P", "C2", "A2"]], [], ["A1", "A2"],
+        [["A1", "C1", "P", "C2", "A2"]],
+        [],
+        ["A1", "A2"],
     )
