@@ -56,7 +56,12 @@ WORKSPACE = {
     ),
     "uranesx": ({0: (166, 24), 1: (8, 1), 2: (20, 3), 4: (13, 3)}, {1: 2.11438898, 2: 1.43104946, 4: 0.26233231}),
 }
-JOINT = {"orthoglide": (1, 1, 10.24754432), "hybridglide": (4, 1, 10.81184966), "triaglide": (8, 2, 8.81011280), "uranesx": (3, 1, 15.71659139)}  # fmt: skip
+JOINT = {
+    "orthoglide": (1, 1, 10.24754432),
+    "hybridglide": (4, 1, 10.81184966),
+    "triaglide": (8, 2, 8.81011280),
+    "uranesx": (3, 1, 15.71659139),
+}
 
 
 @pytest.fixture(autouse=True)
@@ -318,7 +323,9 @@ def test_eight_solutions_of_the_uranesx_that_the_paper_misses():
     assert {round(v, 6) for c in found for v in c.joints.values()} == {round(2 - sqrt(3), 6), round(2 + sqrt(3), 6)}
 
 
-@pytest.mark.parametrize("name, joints, real", [("3prs_v", ("0.5", 1, "0.7"), 8), ("3prs_h", ("0.5", 1, "0.7"), 16)])
+@pytest.mark.parametrize(
+    ("name", "joints", "real"), [("3prs_v", ("0.5", 1, "0.7"), 8), ("3prs_h", ("0.5", 1, "0.7"), 16)]
+)
 def test_3prs_has_sixteen_solutions(name, joints, real):
     s = algebra.predefined(name)
     values = dict(zip(s.joints, joints, strict=True))
@@ -395,7 +402,7 @@ def test_a_mechanism_of_ones_own():
     assert set(found.counts()) == {0, 4}
     annuli = monte_carlo(
         lambda x, y: (
-            (1 < np.hypot(x, y)) & (np.hypot(x, y) < 3) & (1.5 < np.hypot(x - 3, y)) & (np.hypot(x - 3, y) < 2.5)
+            (np.hypot(x, y) > 1) & (np.hypot(x, y) < 3) & (np.hypot(x - 3, y) > 1.5) & (np.hypot(x - 3, y) < 2.5)
         )
     )
     assert found.areas()[4] == pytest.approx(annuli, rel=0.02)

@@ -13,20 +13,47 @@ from irsbot_kinematics.loops import circle
 
 # robot, centre, joints, radius, start, pose before, pose after, smallest |det A| of halved closure rows.
 ROBOTS = [
-    ("rrr3_base", (-0.750995, 3.180521, -0.321021), (2, 3), 0.1, 5.235988, (0.08076, 0.03511, 1.22907), (0.21813, -0.10313, 1.77226), 9.55e-4),
-    ("rrr3_base", (2.031052, -3.267024, -1.354753), (2, 3), 0.05, 0.698132, (-0.15123, 0.16819, 1.67494), (-0.00948, 0.24278, 0.25145), 7.77e-4),
-    ("ruu4", (-2.717861, -0.602950, -0.667693, 1.369466), (3, 4), 0.01, 1.221730, (0.19034, -0.12772, -0.56058, -0.06029), (0.18093, -0.09871, -0.56312, 0.30774), 1.86e-5),
-]  # fmt: skip
+    (
+        "rrr3_base",
+        (-0.750995, 3.180521, -0.321021),
+        (2, 3),
+        0.1,
+        5.235988,
+        (0.08076, 0.03511, 1.22907),
+        (0.21813, -0.10313, 1.77226),
+        0.000955,
+    ),
+    (
+        "rrr3_base",
+        (2.031052, -3.267024, -1.354753),
+        (2, 3),
+        0.05,
+        0.698132,
+        (-0.15123, 0.16819, 1.67494),
+        (-0.00948, 0.24278, 0.25145),
+        0.000777,
+    ),
+    (
+        "ruu4",
+        (-2.717861, -0.60295, -0.667693, 1.369466),
+        (3, 4),
+        0.01,
+        1.22173,
+        (0.19034, -0.12772, -0.56058, -0.06029),
+        (0.18093, -0.09871, -0.56312, 0.30774),
+        1.86e-05,
+    ),
+]
 RPR = [
     ((17, 2.834794, 5.789814), 0.349066, (4.92415, -16.27122, 0.88233), (7.51525, -15.24864, 0.88760), 168.19),
     ((17, 15.922556, 6.285145), 1.745329, (-16.98527, -0.70761, 0.00079), (-16.28993, 4.86193, -0.28980), 429.74),
 ]
 
 PRINTED = 1.5e-5
-"""rad or length: poses are printed with 5 digits, centres with 6, and near a cusp a pose moves much farther than them."""
+"""rad or length: poses are printed with 5 digits, centres with 6; near a cusp a pose moves farther than the joints."""
 
 
-@pytest.mark.parametrize("name, centre, joints, radius, start, before, after, det", ROBOTS)
+@pytest.mark.parametrize(("name", "centre", "joints", "radius", "start", "before", "after", "det"), ROBOTS)
 def test_a_shipped_robot_changes_its_assembly_mode(name, centre, joints, radius, start, before, after, det):
     found = irs.certify_loop(circle(centre, joints, radius, start), name, before)
     assert found.certified
@@ -41,7 +68,7 @@ def test_a_shipped_robot_changes_its_assembly_mode(name, centre, joints, radius,
     assert irs.make_robot(name).cuspidal.answer == "yes"
 
 
-@pytest.mark.parametrize("centre, start, before, after, det", RPR)
+@pytest.mark.parametrize(("centre", "start", "before", "after", "det"), RPR)
 def test_the_3rpr_changes_its_assembly_mode(centre, start, before, after, det):
     s = algebra.predefined("3rpr")
     found = irs.certify_loop(circle(centre, (2, 3), 0.3, start), s, before)

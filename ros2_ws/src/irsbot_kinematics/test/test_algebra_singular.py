@@ -36,7 +36,7 @@ TABLES = {
 }
 
 
-@pytest.mark.parametrize("name, kind, space", TABLES)
+@pytest.mark.parametrize(("name", "kind", "space"), TABLES)
 def test_tables_3_and_4(name, kind, space):
     found = algebra.project(algebra.predefined(name), kind, space)
     assert (found.degree, found.degrees, found.terms, found.height_bits) == TABLES[name, kind, space]
@@ -130,7 +130,7 @@ def test_determinants_of_the_sheet():
     assert last("prrp", "parallel") <= {"5*y - 3*r", "-3*r + 5*y", "3*r - 5*y", "-5*y + 3*r"}
     assert last("3ppps", "serial") == set()
     assert len(last("3ppps", "parallel")) == 2
-    assert any("sin_phi" == text for text in last("prp_2prr", "serial"))
+    assert any(text == "sin_phi" for text in last("prp_2prr", "serial"))
     assert len(last("rpr_2prr", "serial")) == 3
 
 

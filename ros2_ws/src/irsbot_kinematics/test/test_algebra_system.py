@@ -51,7 +51,7 @@ def test_roots_and_angles_are_rationalised_to_the_digits_that_are_said():
 
 
 @pytest.mark.parametrize(
-    "low, high",
+    ("low", "high"),
     [
         (Fraction(1, 3), Fraction(1, 2)),
         (Fraction(-7, 2), Fraction(-10, 3)),
@@ -67,7 +67,7 @@ def test_the_simplest_fraction_between(low, high):
 
 
 @pytest.mark.parametrize(
-    "said, word",
+    ("said", "word"),
     [
         ({"equations": [*CIRCLES, "x = y"]}, "3 equations for 2"),
         ({"equations": ["x^2 + z = r1", "y = r2"]}, "'z' is not declared"),

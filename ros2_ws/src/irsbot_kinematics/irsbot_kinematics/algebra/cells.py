@@ -56,7 +56,8 @@ class Cells:
     space: str
     axes: tuple[Axis, Axis]
     walls: list[Polynomial]
-    """Irreducible walls that meet the box; a parameter with axis kind 'square' stands for its square, 'tangent' for tan(a/2)."""
+    """Irreducible walls that meet the box; a parameter of axis kind 'square' stands for its square, 'tangent' for
+    tan(a/2)."""
     wall_kinds: list[str]
     """'singular' or 'limit' (an inequality), for each wall."""
     cells: list[Cell]
@@ -197,7 +198,8 @@ def cell_areas(plane: Plane, said: Said) -> list[list[float]]:
     for k in range(len(plane.columns)):
         said("areas", k + 1, len(plane.columns))
         a, b = cuts[k], cuts[k + 1]
-        total, used = np.zeros(plane.rows(k)), 0.0
+        total: Any = np.zeros(plane.rows(k))
+        used = 0.0
         for angle, weight in zip(th, weights, strict=True):
             u = a + (b - a) * 0.5 * (1.0 - np.cos(angle))
             stack = float_stack(plane, first.chart_float(float(u)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 from math import atan, isqrt, pi, sqrt, tan
+from typing import Any
 
 from irsbot_kinematics.algebra.engine import AlgebraError
 from irsbot_kinematics.algebra.exact import exact, pair_of_tangent, simplest_between, tangent
@@ -86,10 +87,12 @@ def _root_up(value: Fraction) -> int:
     return root if root * root == whole else root + 1
 
 
-def axis(name: str, box: object, turned: bool, even: bool) -> Axis:
+def axis(name: str, box: Any, turned: bool, even: bool) -> Axis:
     """The chart of a parameter over a box. Raises AlgebraError for a box that is empty or no pair."""
+    low: Any
+    high: Any
     try:
-        low, high = box  # type: ignore[misc]
+        low, high = box
     except (TypeError, ValueError):
         raise AlgebraError(f"the box of {name} must be a pair (low, high), got {box!r}") from None
     if turned:

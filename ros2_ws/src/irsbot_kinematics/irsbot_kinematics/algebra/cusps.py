@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
-from math import atan2, sqrt
+from math import atan2
 from typing import Any
 
 from irsbot_kinematics.algebra.engine import AlgebraError, flint
@@ -61,7 +61,9 @@ def cusps(system: System, fixed: Mapping[str, Any] | None = None, space: str = "
     if isinstance(system.structure, Orthogonal3R) and space == "pose":
         if fixed not in (None, {}, {"y": 0}):
             raise AlgebraError("serial_3r turns about z: its cusps are circles, given at y = 0; leave fixed out")
-        return stored_result(system, ("cusps", space), Cusps, lambda: _serial(system), cache)
+        from irsbot_kinematics.algebra.cusps_serial import serial_cusps
+
+        return stored_result(system, ("cusps", space), Cusps, lambda: serial_cusps(system), cache)
     known = slice_values(system, names, fixed)
     free = [name for name in names if name not in (fixed or {})]
     if len(free) != 2:
@@ -97,11 +99,11 @@ def _plane_map(system: System, free: list[str], known: Mapping[str, Fraction]) -
     base = next(leg for leg in system.structure.legs if leg not in moving)
 
     def value(text: str) -> Any:
-        return rational(_constant(system, text, known))
+        return rational(constant(system, text, known))
 
     ring = context(("ca", "sa", "c", "s"))
     ca, sa, c, s = ring.gens()
-    length = rational(square_root(_constant(system, base.square, known), 60))
+    length = rational(square_root(constant(system, base.square, known), 60))
     turn = pair_of_tangent(TURN)
     k, h = rational(turn[0]), rational(turn[1])
     east, north = k * ca - h * sa, h * ca + k * sa
@@ -129,16 +131,16 @@ def _plane_map(system: System, free: list[str], known: Mapping[str, Fraction]) -
     with flint.ctx.workprec(BITS):
         for t in real_balls(bare, BITS):
             for a in _common_roots(forms, t):
-                pairs = _pair(a), _pair(t)
+                pairs = tangent_pair(a), tangent_pair(t)
                 point = {"ca": pairs[0][0], "sa": pairs[0][1], "c": pairs[1][0], "s": pairs[1][1]}
-                at = [_ball(p, point) for p in (*squares, east, north, cosine, sine)]
+                at = [ball_value(p, point) for p in (*squares, east, north, cosine, sine)]
                 if at[0] > 0 and at[1] > 0:
                     found.append(_planar_cusp(system, free, known, base, length, at, value))
     found.sort(key=lambda cusp: [cusp.joints[name] for name in free])
     return Cusps(found, "certified", int(bare.degree()))
 
 
-def _constant(system: System, text: str, known: Mapping[str, Fraction]) -> Fraction:
+def constant(system: System, text: str, known: Mapping[str, Fraction]) -> Fraction:
     from irsbot_kinematics.algebra.polynomial import fraction
 
     poly = system.evaluated(system.expression(text), known)
@@ -175,7 +177,7 @@ def _common_roots(forms: list[Any], t: Any) -> list[Any]:
     """Real a with J = K2 = K3 = 0 at a root t: roots of J whose enclosures cannot be told from zeros of the others."""
     row = _in_a(forms[0], t)
     found = []
-    for root in _roots(row):
+    for root in ball_roots(row):
         if abs(root.imag).upper() < flint.arb(2) ** (-BITS // 4):
             a = root.real
             if all(flint.arb_poly(_in_a(p, t))(a).contains(0) for p in forms[1:]):
@@ -183,7 +185,7 @@ def _common_roots(forms: list[Any], t: Any) -> list[Any]:
     return found
 
 
-def _roots(row: list[Any]) -> list[Any]:
+def ball_roots(row: list[Any]) -> list[Any]:
     """Complex roots of a polynomial whose coefficients are balls, as fine as these allow."""
     return list(flint.acb_poly(row).roots(tol=flint.arb(2) ** (-BITS // 2), maxprec=4 * BITS))
 
@@ -195,11 +197,11 @@ def _in_a(poly: Any, t: Any) -> list[Any]:
     return row
 
 
-def _pair(t: Any) -> tuple[Any, Any]:
+def tangent_pair(t: Any) -> tuple[Any, Any]:
     return (1 - t * t) / (1 + t * t), 2 * t / (1 + t * t)
 
 
-def _ball(poly: Any, point: Mapping[str, Any]) -> Any:
+def ball_value(poly: Any, point: Mapping[str, Any]) -> Any:
     names = poly.context().names()
     total = flint.arb(0)
     for powers, coefficient in zip(poly.monoms(), poly.coeffs(), strict=True):
@@ -223,80 +225,3 @@ def _planar_cusp(
     pose = {"x": float(x.mid()), "y": float(y.mid()), "phi": atan2(float(sine.mid()), float(cosine.mid()))}
     radius = max(float(ball.rad()) for ball in (u.sqrt(), v.sqrt(), x, y, sine, cosine))
     return Cusp(pose, {name: joints[name] for name in system.joints}, radius)
-
-
-# --- serial 3R with orthogonal axes: invariants of the quartic ------------------------------------------------------
-
-
-def _serial(system: System) -> Cusps:
-    """K^2 + z^2 = A^2 is a quartic in tan(th3/2); it has a triple root where both its invariants vanish."""
-    d2, d3, d4, r2 = (rational(_constant(system, name, {})) for name in ("d2", "d3", "d4", "r2"))
-    ring = context(("t", "S", "Z"))  # S = rho^2, Z = z^2
-    t, S, Z = ring.gens()
-    w = 1 + t * t
-    A, B = d3 * w + d4 * (1 - t * t), r2 * w + 2 * d4 * t
-    K2 = (S + Z - d2 * d2) * w * w - A * A - B * B  # 2 d2 K w^2
-    quartic = K2 * K2 + 4 * d2 * d2 * w * w * (Z * w * w - A * A)
-    whole = primitive(quartic)
-    row: list[Any] = []
-    reduced = _divided_by(whole, primitive(w * w))
-    coefficients = _powers(reduced)
-    row = [coefficients.get(k, 0 * reduced) for k in range(5)]
-    a0, a1, a2, a3, a4 = row
-    invariant = 12 * a0 * a4 - 3 * a1 * a3 + a2 * a2
-    second = 72 * a0 * a2 * a4 + 9 * a1 * a2 * a3 - 27 * a0 * a3 * a3 - 27 * a4 * a1 * a1 - 2 * a2 * a2 * a2
-    forms = [primitive(p, ("S", "Z")) for p in (invariant, second)]
-    eliminant = univariate(forms[0].resultant(forms[1], "Z"), "S")
-    bare = squarefree_part(eliminant)
-    found: list[Cusp] = []
-    with flint.ctx.workprec(BITS):
-        for square in real_balls(bare, BITS):
-            if not square > 0:
-                continue
-            column = [flint.arb(0)] * (int(forms[0].degrees()[1]) + 1)
-            for (i, k), coefficient in zip(forms[0].monoms(), forms[0].coeffs(), strict=True):
-                column[int(k)] = column[int(k)] + flint.arb(coefficient) * square ** int(i)
-            for root in _roots(column):
-                height = root.real
-                point = {"S": square, "Z": height}
-                if abs(root.imag).upper() > flint.arb(2) ** (-BITS // 4) or not _ball(forms[1], point).contains(0):
-                    continue
-                if height > 0:
-                    found += _serial_cusps(system, square, height, row)
-    found.sort(key=lambda cusp: (cusp.pose["x"], cusp.pose["z"]))
-    return Cusps(found, "certified", 2 * int(bare.degree()))
-
-
-def _divided_by(poly: Any, other: Any) -> Any:
-    whole, rest = divmod(poly, other)
-    return whole if rest == 0 else poly
-
-
-def _powers(poly: Any) -> dict[int, Any]:
-    ring, groups = poly.context(), {}
-    for m, c in poly.to_dict().items():
-        groups.setdefault(int(m[0]), {})[(0, *m[1:])] = c
-    return {k: ring.from_dict(terms) for k, terms in groups.items()}
-
-
-def _serial_cusps(system: System, square: Any, height: Any, row: list[Any]) -> list[Cusp]:
-    """Both signs of z, with y = 0 and x > 0; the triple root is that of the rest of f' divided by f''."""
-    values = {"S": square, "Z": height, "t": flint.arb(0)}
-    _, a1, a2, a3, a4 = (_ball(p, values) for p in row)
-    # f' - (t/3 + a3/(12 a4)) f'' = (4 a2/3 - a3^2/(2 a4)) t + a1 - a2 a3/(6 a4)
-    t = -(a1 - a2 * a3 / (6 * a4)) / (4 * a2 / 3 - a3 * a3 / (2 * a4))
-    cosine, sine = _pair(t)
-    d2, d3, d4, r2 = (float(_constant(system, name, {})) for name in ("d2", "d3", "d4", "r2"))
-    c3, s3 = float(cosine.mid()), float(sine.mid())
-    A, B = d3 + d4 * c3, r2 + d4 * s3
-    rho, z = sqrt(float(square.mid())), sqrt(float(height.mid()))
-    K = (rho * rho + z * z - d2 * d2 - A * A - B * B) / (2.0 * d2)
-    radius = max(float(square.sqrt().rad()), float(height.sqrt().rad()))
-    found = []
-    for side in (z, -z):
-        th2 = atan2(-side / A, K / A)
-        reach = d2 + K
-        th1 = atan2(-B, reach)
-        joints = {"th1": th1, "th2": th2, "th3": atan2(s3, c3)}
-        found.append(Cusp({"x": rho, "y": 0.0, "z": side}, joints, radius))
-    return found

@@ -78,7 +78,7 @@ def _serial_joint(rails: DeltaRails, ring: Any) -> Any:
     for slide, u in zip(slides, rails.directions, strict=True):
         away = _less(slides[0], slide)
         along = _constants(ring, u)
-        q = _dot(along, tuple(middle[k] + 2 * square * away[k] for k in range(3)))  # type: ignore[arg-type]
+        q = _dot(along, tuple(middle[k] + 2 * square * away[k] for k in range(3)))
         across = _dot(along, normal)
         if across == 0:  # all rails parallel: the square is one of a polynomial, of which the root is taken
             total = total * _divided(q, _root(square))
@@ -122,8 +122,9 @@ def _parallel_pose(rails: DeltaRails, ring: Any) -> Any:
     element: dict[tuple[int, ...], Any] = {}
     for signs in choices((0, 1), repeat=3):
         rows = [tuple(-u[k] for k in range(3)) if s else w for s, w, u in zip(signs, plain, along, strict=True)]
-        element[signs] = _dot(rows[0], _cross(rows[1], rows[2]))  # type: ignore[arg-type]
-    norm, rest = element, {(0, 0, 0): ring.constant(1)}
+        element[signs] = _dot(rows[0], _cross(rows[1], rows[2]))
+    norm = element
+    rest: dict[tuple[int, ...], Any] = {(0, 0, 0): ring.constant(1)}
     for i in range(3):
         conjugate = {signs: -value if signs[i] else value for signs, value in norm.items()}
         rest = _times(rest, conjugate, discriminants)

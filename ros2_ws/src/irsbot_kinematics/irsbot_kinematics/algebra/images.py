@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -118,16 +119,17 @@ def image_of_path(
         )
 
     places = [Fraction(i, per_segment) for i in range(total + 1)]
+    crossings: list[Fraction] = []
     if cells is not None:
-        for a, b in zip(places[:-1], places[1:], strict=True):
+        for a, b in itertools.pairwise(places):
             if cell_of(a) != cell_of(b):
                 low, high, first = a, b, cell_of(a)
                 for _ in range(BISECTIONS):
                     middle = (low + high) / 2
                     low, high = (middle, high) if cell_of(middle) == first else (low, middle)
-                places += [low, high]
+                crossings += [low, high]
     found = []
-    for k in sorted(set(places)):
+    for k in sorted({*places, *crossings}):
         values = at(k)
         cell = cell_of(k)
         found.append(

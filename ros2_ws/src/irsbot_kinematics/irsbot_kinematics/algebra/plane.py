@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from fractions import Fraction
@@ -149,7 +150,7 @@ class Plane:
             cuts = sorted({self.second.low, self.second.high, *(w.high for s in stacks for w in s)})
             heights = [[wall.high for wall in stack] for stack in stacks]
             seen = set()
-            for low, high in zip(cuts, cuts[1:], strict=False):
+            for low, high in itertools.pairwise(cuts):
                 if high - low < span_v / 2**GAP_BITS:
                     continue
                 middle = (low + high) / 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
@@ -79,7 +80,7 @@ def real_balls(poly: Any, bits: int = START_BITS) -> list[Any]:
         more = bits
         while True:
             balls.sort(key=lambda ball: ends(ball))
-            if all(ends(a)[1] < ends(b)[0] for a, b in zip(balls, balls[1:], strict=False)):
+            if all(ends(a)[1] < ends(b)[0] for a, b in itertools.pairwise(balls)):
                 return balls
             more *= 2
             with flint.ctx.workprec(more):
@@ -164,7 +165,7 @@ def roots_between(poly: Any, low: Fraction, high: Fraction) -> int:
 def _variations(chain: Sequence[Any], at: Fraction) -> int:
     where = flint.fmpq(at.numerator, at.denominator)
     signs = [1 if value > 0 else -1 for poly in chain if (value := poly(where)) != 0]
-    return sum(a != b for a, b in zip(signs, signs[1:], strict=False))
+    return sum(a != b for a, b in itertools.pairwise(signs))
 
 
 def _value(poly: Any, at: Fraction) -> Any:

@@ -31,14 +31,14 @@ class Numeric:
         self.coefficients = np.array([float(c / self.size) for c in exacts])
 
     def _monomials(self, points: Complexes, powers: NDArray[Any]) -> Complexes:
-        found = np.ones((len(points), len(powers)), dtype=points.dtype)
+        found: Any = np.ones((len(points), len(powers)), dtype=points.dtype)
         for i in range(powers.shape[1]):
             if powers[:, i].any():
                 table = np.ones((len(points), powers[:, i].max() + 1), dtype=points.dtype)
                 for k in range(1, table.shape[1]):
                     table[:, k] = table[:, k - 1] * points[:, i]
                 found = found * table[:, powers[:, i]]
-        return found
+        return np.asarray(found)
 
     def __call__(self, points: Any) -> Any:
         """Values (N,), scaled so that the largest coefficient is 1."""
@@ -70,7 +70,7 @@ def sample_zeros(
     n, m = len(names), len(functions)
     rng = np.random.default_rng(seed)
 
-    def random(*shape: int) -> Complexes:
+    def random(*shape: int) -> Any:
         return (rng.normal(size=shape) + 1j * rng.normal(size=shape)) * scale
 
     points = random(count, n)
@@ -91,7 +91,7 @@ def sample_zeros(
             change = np.abs(step).max(axis=1) / (1.0 + np.abs(points).max(axis=1))
         # A point where the system is not regular converges slowly, and its digits are few: left out.
         good = np.isfinite(points).all(axis=1) & (change < CONVERGED)
-    return points[good]
+    return np.asarray(points[good])
 
 
 def _solved(matrices: Complexes, right: Complexes) -> Complexes:

@@ -21,6 +21,6 @@ def refuse_large_discriminant(system: System, free: Sequence[str]) -> None:
     if len(free) > 2 or turned:
         raise TooLarge(
             f"the singular surface over {', '.join(free)} has up to {size} terms and takes hours: "
-            f"fix {len(free) - 2 if len(free) > 2 else 'the'} more joint(s), such as fixed={{'{system.joints[0]}': ...}}"
+            f"fix {max(len(free) - 2, 1)} more joint(s), such as fixed={{'{system.joints[0]}': ...}}"
             + (f"; the joints {', '.join(turned)} are angles, so take slices of the pose space" if turned else "")
         )

@@ -14,7 +14,7 @@ from irsbot_kinematics.algebra.system import System
 
 def substituted(system: System, replaced: Mapping[str, Any], check: bool) -> System:
     """See System.substitute."""
-    groups = {group: list(getattr(system, group)) for group in ("pose", "joints", "passive")}
+    groups: dict[str, Any] = {group: list(getattr(system, group)) for group in ("pose", "joints", "passive")}
     parameters, angles = dict(system.parameters), list(system.angles)
     texts = [str(text) for text in (*system.equations, *system.inequalities)]
     for name, value in replaced.items():

@@ -38,14 +38,14 @@ def with_tangents(poly: Any, angles: Sequence[str]) -> Any:
     for m, c in zip(poly.monoms(), poly.coeffs(), strict=True):
         key = tuple((int(m[i]), int(m[k])) for i, k, _, _ in places)
         left = tuple(int(m[own.index(name)]) for name in rest) + (0,) * len(places)
-        groups.setdefault(key, {})[left] = c if not hasattr(c, "is_zero") else c
+        groups.setdefault(key, {})[left] = c
     total = ring.constant(0)
     for key, terms in groups.items():
         part = ring.from_dict(terms)
         for (a, b), (_, _, most, (cosines, sines, ones)) in zip(key, places, strict=True):
             part = part * cosines[a] * sines[b] * ones[most - a - b]
         total = total + part
-    return primitive(total) if total != 0 else primitive(total)
+    return primitive(total)
 
 
 def without_circles(poly: Any) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import atan2
@@ -68,7 +69,7 @@ class Tracker:
         poses, dets = [self._pose(U)], [self._det(U, points[0])]
         steps = 0
         box: list[Any] | None = None
-        for index, (a, b) in enumerate(zip(points, points[1:], strict=False)):
+        for index, (a, b) in enumerate(itertools.pairwise(points)):
             left, share = 0.0, 1.0
             while left < 1.0:
                 share = min(share, 1.0 - left)
@@ -100,7 +101,7 @@ class Tracker:
         centre = middle if better is None else better
         slopes = self._slope_floats(centre, 0.5 * (qa + qb))
         try:
-            inverse = np.linalg.inv(slopes)
+            inverse: Floats = np.asarray(np.linalg.inv(slopes), dtype=float)
         except np.linalg.LinAlgError:
             return None
         joints = self._joint_balls(qa, qb)
@@ -130,7 +131,7 @@ class Tracker:
             return False
         joints = self._joint_balls(q, q)
         try:
-            inverse = np.linalg.inv(self._slope_floats(U, q))
+            inverse: Floats = np.asarray(np.linalg.inv(self._slope_floats(U, q)), dtype=float)
         except np.linalg.LinAlgError:
             return False
         return self._contracts(inverse, self._shift(inverse, U, joints), small, np.full(n, size), joints)

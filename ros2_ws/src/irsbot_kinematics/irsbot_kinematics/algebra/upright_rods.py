@@ -74,10 +74,12 @@ def upright_poses(system: System, fixed: Mapping[str, Fraction]) -> list[tuple[d
         for t1 in real_balls(poly, BITS):
             seconds = _real_roots(equations[0], "t1", t1, "t2")
             thirds = _real_roots(equations[2], "t1", t1, "t3")
-            for t2 in seconds:
-                for t3 in thirds:
-                    if _value(equations[1], {"t1": t1, "t2": t2, "t3": t3}).contains(0):
-                        found.append(_pose(system, fixed, (t1, t2, t3)))
+            found += [
+                _pose(system, fixed, (t1, t2, t3))
+                for t2 in seconds
+                for t3 in thirds
+                if _value(equations[1], {"t1": t1, "t2": t2, "t3": t3}).contains(0)
+            ]
     return found
 
 
@@ -117,7 +119,7 @@ def _pose(
         radius, height = (float(rods.radius), driven) if rods.radius is not None else (driven, 0.0)
         r, z = radius + rod * (k * c - h * s), height + rod * (h * c + k * s)
         places.append(np.array([r * ux, r * uy, z]))
-    centre = sum(places) / 3.0
+    centre = np.sum(places, axis=0) / 3.0
     platform = float(values["p"])  # type: ignore[arg-type]
     ex = (places[0] - centre) / platform
     ey = (places[1] - places[2]) / (sqrt(3.0) * platform)

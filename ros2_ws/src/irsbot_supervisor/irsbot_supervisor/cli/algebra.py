@@ -45,7 +45,7 @@ def list_names(as_json: AsJson = False) -> None:
 
     Example: irsbot algebra names
     """
-    rows = [
+    rows: list[dict[str, Any]] = [
         {"name": n, "joints": s.joints, "pose": s.pose, "description": s.description}
         for n, s in ((n, al.predefined(n)) for n in al.names())
     ]
@@ -69,7 +69,7 @@ def singular(
     """
     system = _system(name, set_)
     found = al.project(system, kind, space, _fixed(fix))
-    rows = [
+    rows: list[dict[str, Any]] = [
         {"polynomial": str(p), "degree": p.degree, "degrees": p.degrees, "terms": p.terms, "height_bits": p.height_bits}
         for p in found
     ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -270,7 +271,7 @@ def _show_robot(axes: Any, system: System, configuration: Configuration, colour:
     points = places_of(system, configuration)
     actuated = {tuple(pair) for pair in system.drawing.actuators if not isinstance(pair, str)}
     for chain in system.drawing.chains:
-        for a, b in zip(chain, chain[1:], strict=False):
+        for a, b in itertools.pairwise(chain):
             row = np.array([points[a], points[b]]).T
             driven = (a, b) in actuated
             axes.plot(*row, "-", color="#1f77b4" if driven else "#666666", linewidth=2.6 if driven else 1.6)

@@ -44,8 +44,8 @@ def page_of_surfaces(
                 go.Isosurface(
                     x=grid[0].ravel(), y=grid[1].ravel(), z=grid[2].ravel(), value=values.ravel(), isomin=0.0,
                     isomax=0.0, surface_count=1, opacity=0.6, showscale=False, colorscale=[[0, colour], [1, colour]],
-                    caps={"x_show": False, "y_show": False, "z_show": False}, name=f"factor {i + 1}, degree {poly.degree}",
-                    showlegend=True,
+                    caps={"x_show": False, "y_show": False, "z_show": False},
+                    name=f"factor {i + 1}, degree {poly.degree}", showlegend=True,
                 )
             )  # fmt: skip
     figure.update_layout(
@@ -92,4 +92,4 @@ def draw_surfaces(
 def _lines(first: np.ndarray, second: np.ndarray, values: np.ndarray) -> list[np.ndarray]:  # type: ignore[type-arg]
     from contourpy import contour_generator
 
-    return list(contour_generator(first, second, values.T).lines(0.0))  # type: ignore[arg-type]
+    return list(contour_generator(first, second, values.T).lines(0.0))

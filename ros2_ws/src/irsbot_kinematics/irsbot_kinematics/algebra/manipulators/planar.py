@@ -35,7 +35,7 @@ class Leg:
 
 @dataclass(frozen=True)
 class PlanarLegs:
-    """Structure of a planar platform with two or three circles as legs: its direct kinematics is one equation of degree 6."""
+    """A planar platform with two or three circles as legs: its direct kinematics is one equation of degree 6."""
 
     legs: tuple[Leg, ...]
     line: str | None = None

@@ -35,8 +35,8 @@ def serial_3r(d2: Any = 1, d3: Any = 2, d4: Any = "3/2", r2: Any = 1) -> System:
                 "O": ("0", "0", "0"),
                 "E1": ("d2*cos(th1)", "d2*sin(th1)", "0"),
                 "E2": (
-                    f"(d2 + d3*cos(th2))*cos(th1) - r2*sin(th1)",
-                    f"(d2 + d3*cos(th2))*sin(th1) + r2*cos(th1)",
+                    "(d2 + d3*cos(th2))*cos(th1) - r2*sin(th1)",
+                    "(d2 + d3*cos(th2))*sin(th1) + r2*cos(th1)",
                     "-d3*sin(th2)",
                 ),
                 "P": ("x", "y", "z"),
