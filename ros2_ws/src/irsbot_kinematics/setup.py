@@ -15,6 +15,7 @@ setup(
         (f"share/{package}/launch", glob("launch/*.launch.py")),
     ],
     install_requires=["setuptools", "numpy", "scipy", "pyyaml"],
+    extras_require={"algebra": ["python-flint"]},
     zip_safe=False,
     maintainer="irsbot maintainers",
     maintainer_email="maintainers@irsbot.example",
