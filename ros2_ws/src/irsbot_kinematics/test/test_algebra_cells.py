@@ -118,8 +118,12 @@ def test_location_knows_walls_and_the_outside(slice_17):
     assert slice_17.locate((50, 1)) is None
     plane = slice_17.plane
     assert plane.locate(plane.columns[3], plane.second.low) is None
-    root = plane.criticals[0]
-    assert root.compare(root.low) >= 0
+    ortho = algebra.decompose(algebra.predefined("orthoglide"), ("x", "y"), ((-2, 2), (-2, 6)), {"z": 1})
+    assert ortho.locate((0, 2)) is None  # on the cylinder D_1: y^2 + z^2 = 4 has y = sqrt 3; the line x = 0 is a wall
+    assert ortho.locate(("0.5", "1.3")).count == ortho.locate(("0.501", "1.3")).count
+    five_bar = algebra.decompose(algebra.predefined("rr_rrr"), ("x", "z"), ((-1.5, 1.5), (-1.5, 1.5)))
+    assert five_bar.locate((0, 1)).count == 4  # the circles cross on the line x = 0, which is no wall
+    assert five_bar.locate(("-0.5875", 0)) is None  # the leftmost point of an inner circle
     with pytest.raises(algebra.AlgebraError, match="two coordinates"):
         slice_17.locate((1, 2, 3))
 

@@ -71,14 +71,17 @@ class Plane:
         return self.columns[column], self.second.sample(*_apart(low, high))
 
     def locate(self, u: Fraction, v: Fraction) -> tuple[int, int] | None:
-        """Column and row of a point in chart coordinates; None on a wall, a critical line or outside. Exact."""
+        """Column and row of a point in chart coordinates; None on a wall or outside. Exact.
+
+        A point of a critical line that is on no wall belongs to the cell at its left.
+        """
         if not (self.first.low < u < self.first.high and self.second.low < v < self.second.high):
             return None
         column = 0
-        for root in self.criticals:
+        for k, root in enumerate(self.criticals):
             side = root.compare(u)
             if side == 0:
-                return None
+                return self._beside_critical(k, u, v)
             column += side < 0
         row = 0
         for root in self.stack(u):
@@ -87,6 +90,15 @@ class Plane:
                 return None
             row += side < 0
         return column, row
+
+    def _beside_critical(self, k: int, u: Fraction, v: Fraction) -> tuple[int, int] | None:
+        at = flint.fmpq(v.numerator, v.denominator)
+        if any(curve.at_u(u.numerator, u.denominator)(at) == 0 for curve in self.curves):
+            return None
+        left = (self._between(k)[0] + u) / 2
+        while not self._free(left, u, v):
+            left = (left + u) / 2
+        return self.locate(left, v)
 
     # --- critical values -----------------------------------------------------------------------------------------
 

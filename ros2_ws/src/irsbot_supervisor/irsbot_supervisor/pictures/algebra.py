@@ -129,19 +129,12 @@ def draw_path(system: System, found: Sequence[ImagePoint], target: Path, cells: 
     left.set_xlabel(label_of(system, names[0]))
     left.set_ylabel(label_of(system, names[1]))
     others = system.joints if set(names) <= set(system.pose) else system.pose
-    for k in range(max(len(point.images) for point in found)):
-        row = [point.images[k].values for point in found if len(point.images) > k]
-        right.plot(
-            [v[others[0]] for v in row],
-            [v[others[1]] for v in row],
-            ".",
-            markersize=4,
-            color=BRANCHES[k % len(BRANCHES)],
-            label=f"solution {k + 1}",
-        )
+    for k, row in enumerate(_branches(system, found, others)):
+        colour = BRANCHES[k % len(BRANCHES)]
+        right.plot(*np.array(row).T[:2], ".", markersize=4, color=colour, label=f"solution {k + 1}")
     right.set_xlabel(label_of(system, others[0]))
     right.set_ylabel(label_of(system, others[1]))
-    right.set_title("images, numbered by the first unknown")
+    right.set_title("images, the nearest ones joined")
     right.legend(fontsize="small")
     figure.savefig(target, dpi=130)
 
@@ -164,6 +157,26 @@ def draw_loop(dets: Sequence[float], poses: Any, names: Sequence[str], target: P
     right.grid(alpha=0.3)
     figure.suptitle(title)
     figure.savefig(target, dpi=130)
+
+
+def _branches(system: System, found: Sequence[ImagePoint], names: Sequence[str]) -> list[list[list[float]]]:
+    """Images joined from point to point, each to the nearest end that is left; for the eye, without a proof."""
+    ends: list[list[list[float]]] = []
+    done: list[list[list[float]]] = []
+    turned = np.array([name in system.angles for name in names])
+    for point in found:
+        left = [[image.values[name] for name in names] for image in point.images]
+        going = []
+        for branch in ends:
+            if not left:
+                done.append(branch)
+                continue
+            way = np.abs(np.array(left) - branch[-1])
+            way = np.where(turned, np.minimum(way, 2.0 * np.pi - way), way)
+            branch.append(left.pop(int(way.max(axis=1).argmin())))
+            going.append(branch)
+        ends = going + [[image] for image in left]
+    return done + ends
 
 
 # --- parts ---------------------------------------------------------------------------------------------------------
