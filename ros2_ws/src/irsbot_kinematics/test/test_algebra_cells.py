@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("flint", reason="python-flint is an optional extra")
 
-from irsbot_kinematics import algebra
+from irsbot_kinematics import algebra, make_robot
 from irsbot_kinematics.algebra.cusps_numeric import numeric_cusps
 from irsbot_kinematics.algebra.upright_rods import eliminant
 from irsbot_kinematics.assemblies import SAMPLED_TURNS, planar_closing, trigonometric_roots
@@ -180,6 +180,20 @@ def test_joint_slices_of_the_delta_robots(name):
     cells, regions, area = JOINT[name]
     assert found.counts()[2] == (cells, regions)
     assert found.areas()[2] == pytest.approx(area, abs=1.1e-8)
+
+
+@pytest.mark.parametrize("name", ["orthoglide", "hybridglide", "triaglide"])
+def test_counts_agree_with_the_closed_forms_of_the_robots(name):
+    """inverse_all and direct_all know nothing of polynomials; limits 0 < rho < 4."""
+    robot, s = make_robot(name), algebra.predefined(name)
+    pose = algebra.decompose(s, ("x", "y"), ((-2, 2), (-2, 6)), {"z": 1})
+    joint = algebra.decompose(s, ("rho1", "rho2"), ((0, 4), (0, 4)), {"rho3": 2})
+    rng = np.random.default_rng(6)
+    for x, y in rng.uniform((-2, -2), (2, 6), (50, 2)).round(4).tolist():
+        inside = [q for q in robot.inverse_all((x, y, 1.0)) if min(q) > 0.0 and max(q) < 4.0]
+        assert pose.locate((x, y)).count == len(inside)
+    for first, second in rng.uniform(0.01, 3.99, (40, 2)).round(4).tolist():
+        assert joint.locate((first, second)).count == len(robot.direct_all((first, second, 2.0)))
 
 
 def test_a_five_bar_joint_and_pose_cell_belong_together():

@@ -23,6 +23,9 @@ parameters: {d: "3/2"}
 """
 
 
+SLICE = ("--fix", "rho1=17", "--box", "rho2=1:2", "--box", "rho3=1:2")
+
+
 @pytest.fixture(autouse=True)
 def own_cache(tmp_path, monkeypatch):
     monkeypatch.setenv("IRSBOT_CACHE", str(tmp_path / "cache"))
@@ -98,9 +101,19 @@ def test_equations_of_ones_own_from_a_file(tmp_path):
         (("configurations", "3rpr", "--fix", "rho1=1"), "infinitely many"),
         (("loop", "rrr3_base", "--centre", "1,2", "--radius", "1"), "3 numbers"),
         (("cusps", "nothing.yaml"), ""),
+        (("cells", "3rpr", *SLICE, "--plot", "a.html"), "suffix"),
+        (
+            ("cells", "3rpr", "--fix", "rho1=17", "--box", "rho2=1:2", "--box", "rho3=1:2", "--plot", "no/a.png"),
+            "folder",
+        ),
+        (("cells", "3rpr", "--fix", "rho1=17", "--box", "rho2=a:2", "--box", "rho3=1:2"), "must be a number"),
+        (("singular", "3rpr", "--fix", "rho1=17", "--box", "x=1:2", "--box", "y=1:2", "--plot", "a.png"), "rho2, rho3"),
+        (("cusps", "five_bar", "--set", "l1=abc"), "must be a number"),
+        (("cusps", "bad.yaml"), "malformed"),
     ],
 )
-def test_bad_words_are_refused_in_one_line(words, word):
+def test_bad_words_are_refused_in_one_line(words, word, tmp_path):
+    (tmp_path / "bad.yaml").write_text("equations: 3\npose: 4\njoints: 5\n", encoding="utf-8")
     with pytest.raises((BadInput, OSError)) as refused:
         run(*words)
     assert word in str(refused.value)

@@ -1,4 +1,4 @@
-"""A loop about a cusp under supervision: the assembly mode changes, no margin falls to its limit, the branch is known."""
+"""A loop about a cusp under supervision: the assembly mode changes, no margin falls, the branch is known."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_the_supervisor_knows_the_branch_after_a_change_of_assembly_mode_without
     np.testing.assert_allclose(states[0].pose, BEFORE, atol=1.5e-5)
     np.testing.assert_allclose(states[-1].pose, AFTER, atol=1.5e-5)
     assert min(state.type2_margin for state in states) > 0.12
-    proved = certify_loop(path[::10].tolist() + [path[-1].tolist()], "rrr3_base", BEFORE)
+    proved = certify_loop([*path[::10].tolist(), path[-1].tolist()], "rrr3_base", BEFORE)
     assert proved.certified
     assert proved.changed
     np.testing.assert_allclose(proved.end, states[-1].pose, atol=1e-9)

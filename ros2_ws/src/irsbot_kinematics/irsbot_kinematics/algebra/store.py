@@ -48,7 +48,7 @@ def stored_result(system: System, key: Any, kind: type[Result], work: Callable[[
         found = pickle.loads(path.read_bytes())
         if isinstance(found, kind):
             return found
-    except (OSError, pickle.UnpicklingError, AttributeError, EOFError, ImportError, IndexError, TypeError, ValueError):
+    except Exception:
         pass
     result = work()
     try:

@@ -67,6 +67,7 @@ def singular(
 
     Example: irsbot algebra singular orthoglide --space pose --box x=-2:2 --box y=-2:6 --box z=-2:6 --plot surface.html
     """
+    target = _picture(plot, page=True) if plot else None
     system = _system(name, set_)
     found = al.project(system, kind, space, _fixed(fix))
     rows: list[dict[str, Any]] = [
@@ -90,8 +91,8 @@ def singular(
         _print(table)
         if not rows:
             out.print(f"{system.name}: no {kind} singularity projects to a hypersurface")
-    if plot:
-        _draw_singular(system, found, _boxes(box), _fixed(fix), _picture(plot), f"{system.name}: {kind} singularities")
+    if target:
+        _draw_singular(system, found, _boxes(box), _fixed(fix), target, f"{system.name}: {kind} singularities")
         out.print(f"written to {plot}") if not as_json else None
 
 
@@ -173,6 +174,7 @@ def configurations(
 
     Example: irsbot algebra configurations 3rpr --fix rho1=14.98 --fix rho2=15.38 --fix rho3=12 --plot six.png
     """
+    target = _picture(plot) if plot else None
     system = _system(name, set_)
     found = al.configurations(system, _fixed(fix), constraints=not all_)
     if as_json:
@@ -186,12 +188,12 @@ def configurations(
         _print(table)
     if not found:
         raise Failed(f"{system.name}: no real configuration there")
-    if plot:
+    if target:
         if not system.drawing.points:
             raise BadInput(f"{system.name} says nothing about how to draw it")
         from irsbot_supervisor.pictures.algebra import draw_configurations
 
-        draw_configurations(system, found, _picture(plot))
+        draw_configurations(system, found, target)
         out.print(f"written to {plot}") if not as_json else None
 
 
@@ -297,7 +299,10 @@ def _equations(name: str, text: dict[str, Any], lengths: dict[str, str]) -> al.S
         if key not in text:
             raise BadInput(f"{name}: the key '{key}' is missing")
     parameters = {**(text.get("parameters") or {}), **lengths}
-    return al.System(**{"name": Path(name).stem, **text, "parameters": parameters})
+    try:
+        return al.System(**{"name": Path(name).stem, **text, "parameters": parameters})
+    except (TypeError, AttributeError) as error:
+        raise BadInput(f"{name} is malformed: {error}; lists of texts and a mapping of parameters are wanted") from None
 
 
 def _pairs(said: list[str] | None, option: str, example: str) -> dict[str, str]:
@@ -324,9 +329,13 @@ def _boxes(said: list[str] | None) -> dict[str, tuple[str, str]]:
     return found
 
 
-def _picture(path: Path) -> Path:
-    if path.suffix not in (".png", ".svg", ".pdf", ".html"):
-        raise BadInput(f"cannot draw '{path}': the suffix must be .png, .svg or .pdf (.html for surfaces)")
+def _picture(path: Path, *, page: bool = False) -> Path:
+    if path.suffix not in (".png", ".svg", ".pdf") and not (page and path.suffix == ".html"):
+        raise BadInput(
+            f"cannot draw '{path}': the suffix must be .png, .svg or .pdf{' (.html for surfaces)' if page else ''}"
+        )
+    if not path.parent.is_dir():
+        raise BadInput(f"cannot draw '{path}': there is no folder '{path.parent}'")
     return path
 
 
@@ -357,6 +366,11 @@ def _draw_singular(
     title: str,
 ) -> None:
     names = tuple(box)
+    wanted = {
+        gen.removeprefix("t_") if gen.removeprefix("t_") in system.angles else gen for p in found for gen in p.names
+    }
+    if wanted and set(names) != wanted:
+        raise BadInput(f"give --box for {', '.join(sorted(wanted))}, got {', '.join(names) or 'none'}")
     ranges = [(float(Fraction(low)), float(Fraction(high))) for low, high in box.values()]
     if len(names) == 3:
         from irsbot_supervisor.pictures import algebra3d

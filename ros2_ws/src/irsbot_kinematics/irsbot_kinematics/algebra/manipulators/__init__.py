@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from irsbot_kinematics.algebra.engine import AlgebraError
+from irsbot_kinematics.algebra.exact import exact
 from irsbot_kinematics.algebra.manipulators import delta, planar, serial, spatial, two_dof
 from irsbot_kinematics.algebra.manipulators.shipped import of_robot, shipped_names
 from irsbot_kinematics.algebra.system import System
@@ -55,5 +56,5 @@ def predefined(name: str, **lengths: Any) -> System:
     if name in shipped_names():
         from irsbot_kinematics.robot import make_robot
 
-        return of_robot(make_robot(name, **{key: float(value) for key, value in lengths.items()}))
+        return of_robot(make_robot(name, **{key: float(exact(value, key)) for key, value in lengths.items()}))
     raise AlgebraError(f"no manipulator '{name}'; known are {', '.join(names())}")
