@@ -12,6 +12,8 @@ pytest.importorskip("flint", reason="python-flint is an optional extra")
 
 from irsbot_kinematics import algebra, make_robot
 from irsbot_kinematics.algebra.cusps_numeric import numeric_cusps
+from irsbot_kinematics.algebra.polynomial import integer_context
+from irsbot_kinematics.algebra.sizes import refuse_large_walls
 from irsbot_kinematics.algebra.upright_rods import eliminant
 from irsbot_kinematics.assemblies import SAMPLED_TURNS, planar_closing, trigonometric_roots
 
@@ -391,6 +393,10 @@ def test_what_cannot_be_decomposed_is_said_in_one_line():
         with pytest.raises(algebra.AlgebraError, match=word) as refused:
             algebra.decompose(s, names, box, fixed)
         assert "\n" not in str(refused.value)
+    u, v = integer_context(("u", "v")).gens()
+    refuse_large_walls([u**40 - v, u * v - 1])
+    with pytest.raises(algebra.TooLarge, match="critical values of degree 1640"):
+        refuse_large_walls([u * v - 1, u**41 - v])
     with pytest.raises(algebra.AlgebraError, match="no variable"):
         algebra.configurations(s, {"rho9": 1})
     with pytest.raises(algebra.AlgebraError, match="infinitely many"):

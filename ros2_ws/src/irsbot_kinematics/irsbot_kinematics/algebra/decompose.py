@@ -25,6 +25,7 @@ from irsbot_kinematics.algebra.polynomial import (
 )
 from irsbot_kinematics.algebra.roots import isolate, squarefree_part
 from irsbot_kinematics.algebra.singular import complete, linked, one_of, project, slice_values
+from irsbot_kinematics.algebra.sizes import refuse_large_walls
 from irsbot_kinematics.algebra.store import Progress, stored_result
 from irsbot_kinematics.algebra.system import System
 from irsbot_kinematics.algebra.tangents import with_tangents, without_circles
@@ -42,6 +43,7 @@ def decompose(
     digits: int | None = CELL_DIGITS,
     progress: Progress | None = None,
     cache: bool = True,
+    allow_large: bool = False,
 ) -> Cells:
     """Cells of a rectangle of two joints or two pose variables with constant number of real solutions.
 
@@ -49,6 +51,7 @@ def decompose(
     remaining variables of that space. Solutions are direct ones over joints, inverse ones over the pose, those that
     keep the inequalities. digits: parameters with more digits are rounded to so many (`Cells.rounded` says which);
     None keeps them. progress(what, done, total) is called during the work. Exact but for the areas.
+    allow_large: work on walls of degree beyond 40 too, which takes hours; TooLarge says how large they are.
     Raises AlgebraError for empty boxes, unknown names and variables that are left free.
     """
     complete(system, "a decomposition")
@@ -67,7 +70,11 @@ def decompose(
     known = slice_values(system, variables, fixed)
     key = ("decompose", tuple(names), [[str(end) for end in ends] for ends in box], sorted(known.items()))
     return stored_result(
-        system, key, Cells, lambda: _decomposed(system, space, names, box, known, fixed or {}, rounded, progress), cache
+        system,
+        key,
+        Cells,
+        lambda: _decomposed(system, space, names, box, known, fixed or {}, rounded, progress, allow_large),
+        cache,
     )
 
 
@@ -143,11 +150,14 @@ def _decomposed(
     fixed: Mapping[str, Any],
     rounded: Mapping[str, Fraction],
     progress: Progress | None,
+    allow_large: bool,
 ) -> Cells:
     one_of(space, ("joint", "pose"), "space")
     said: Said = progress or (lambda _what, _done, _total: None)
     said("walls", 0, 1)
     found = walls(system, space, names, fixed, known)
+    if not allow_large:
+        refuse_large_walls([wall for wall, _ in found])
     plain = [axis(name, ends, name in system.angles, False) for name, ends in zip(names, box, strict=True)]
     found = [(wall, kind) for wall, kind in found if meets_box(wall, plain)]
     axes: list[Axis] = []

@@ -50,7 +50,9 @@ def _spread(polys: Sequence[Any], names: Sequence[str], samples: Complexes, kept
     """Which samples lie on components that project to a hypersurface of the first `kept` coordinates, not to less."""
     if not len(samples):
         return np.zeros(0, dtype=bool)
-    jacobian = np.stack([Numeric(poly, names).gradient(samples) for poly in polys], axis=1)
+    with np.errstate(all="ignore"):
+        jacobian = np.stack([Numeric(poly, names).gradient(samples) for poly in polys], axis=1)
+    jacobian = np.where(np.isfinite(jacobian).all(axis=(1, 2), keepdims=True), jacobian, 0.0)  # not regular: left out
     size = np.linalg.norm(jacobian, axis=2, keepdims=True)
     jacobian = jacobian / np.where(size > 0.0, size, 1.0)
     dropped = jacobian[:, :, kept:]

@@ -46,9 +46,11 @@ class Numeric:
 
     def relative(self, points: Any) -> NDArray[np.float64]:
         """|value| over the sum of the sizes of the terms, (N,)."""
-        terms = self._monomials(points, self.powers) * self.coefficients
-        size = np.abs(terms).sum(axis=1)
-        return np.asarray(np.abs(terms.sum(axis=1)) / np.where(size > 0.0, size, 1.0))
+        with np.errstate(all="ignore"):  # a far point may overflow: then it says nothing
+            terms = self._monomials(points, self.powers) * self.coefficients
+            size = np.abs(terms).sum(axis=1)
+            found = np.abs(terms.sum(axis=1)) / np.where(size > 0.0, size, 1.0)
+        return np.asarray(np.where(np.isfinite(found), found, 1.0))
 
     def gradient(self, points: Any) -> Any:
         """Derivatives (N, n)."""

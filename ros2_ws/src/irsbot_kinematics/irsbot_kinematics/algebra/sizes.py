@@ -3,12 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from irsbot_kinematics.algebra.engine import TooLarge
 
 if TYPE_CHECKING:
     from irsbot_kinematics.algebra.system import System
+
+
+MOST_WALL_DEGREE = 40
+"""1: total degree of a wall up to which a slice takes minutes; a wall of degree 30 takes one."""
+
+
+def refuse_large_walls(walls: Sequence[Any]) -> None:
+    """Raises TooLarge where a wall in two names has so high a degree that its critical values take hours."""
+    for wall in walls:
+        degree = int(wall.total_degree())
+        if degree > MOST_WALL_DEGREE:
+            size = degree * (degree - 1)
+            raise TooLarge(
+                f"a wall of degree {degree} with {len(wall)} terms has critical values of degree {size}, which takes "
+                f"hours (degree 30: a minute); say allow_large=True, or choose another slice"
+            )
 
 
 def refuse_large_discriminant(system: System, free: Sequence[str]) -> None:
