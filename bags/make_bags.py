@@ -9,6 +9,7 @@ written by people and never touched here.
 from __future__ import annotations
 
 import argparse
+import os
 import shutil
 import sys
 from pathlib import Path
@@ -43,6 +44,7 @@ RUNS = {
     "type2": Run("irsbot2_beta45", "type2", 1.3),
     "constraint": Run("irsbot2_csc", "constraint", 1.3),
     "orthoglide": Run("orthoglide", "demo", 2.1, cycle_s=1e-3),
+    "cuspidal_loop": Run("rrr3_at_a_cusp.yaml", str(HERE / "around_a_cusp.yaml"), 4.0),
     "stop_and_reset": Run(
         "irsbot2", str(HERE / "down_and_up.yaml"), 1.5, "latency:by=0.03,at=0.4,lasting=0.15", (0.47, 0.9)
     ),
@@ -62,6 +64,7 @@ def main() -> int:
     names = parser.parse_args().names or list(RUNS)
     if unknown := set(names) - set(RUNS):
         parser.error(f"no bag '{min(unknown)}'; there are {', '.join(RUNS)}")
+    os.chdir(HERE)  # robot files are recorded by the path that is given: a relative one
     for name in names:
         make(name, RUNS[name])
     return 0

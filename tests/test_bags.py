@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from irsbot_msgs_py.records import Level
+from irsbot_msgs_py.records import Level, SingularityState
 from irsbot_supervisor.closed_loop import BEGIN_NS
 from irsbot_supervisor.core.intake import S
 from irsbot_supervisor.replay import judge_again, read_recording
@@ -43,6 +43,16 @@ def test_there_are_ten_bags_and_the_list_of_them_is_complete() -> None:
     listed = re.findall(r"^\| (\w+) \| \w+ \| .* \|$", (ROOT / "bags" / "README.md").read_text(), re.MULTILINE)
     assert sorted(listed[listed.index("pick_and_place") :]) == [bag.name for bag in BAGS]
     assert len(BAGS) >= 10
+
+
+def test_round_a_cusp_the_joints_come_back_and_the_supervisor_knows_the_other_pose() -> None:
+    """Poses of docs/algebra.md: found there by a proved path, here by the supervisor."""
+    with Tape(ROOT / "bags" / "cuspidal_loop") as tape:
+        states = [entry.record for entry in tape.records() if isinstance(entry.record, SingularityState)]
+    assert states[0].joint_position == states[-1].joint_position
+    assert states[0].pose == pytest.approx((0.08076, 0.03511, 1.22907), abs=2e-4)  # as fine as the encoders
+    assert states[-1].pose == pytest.approx((0.21813, -0.10313, 1.77226), abs=2e-4)
+    assert min(state.type2_margin for state in states) > 0.12
 
 
 def test_a_recording_that_begins_in_the_middle_of_the_work_is_judged_from_there(tmp_path: Path) -> None:

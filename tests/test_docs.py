@@ -51,7 +51,7 @@ def test_every_command_of_the_readme_exists_and_has_help_with_an_example() -> No
             [sys.executable, "-m", "irsbot_supervisor", command, "--help"], capture_output=True, text=True, timeout=120
         )
         assert done.returncode == 0, (command, done.stderr)
-        if command != "design":  # a group of commands, each with its own example
+        if command not in ("algebra", "design"):  # groups of commands, each with its own example
             assert "Example:" in done.stdout, command
 
 

@@ -15,7 +15,10 @@ setup(
         (f"share/{package}/launch", glob("launch/*.launch.py")),
     ],
     install_requires=["setuptools", "numpy", "scipy", "pyyaml"],
-    extras_require={"test": ["pytest"]},  # by which `colcon test` knows what to run
+    extras_require={
+        "algebra": ["python-flint"],
+        "test": ["pytest"],  # by which `colcon test` knows what to run
+    },
     zip_safe=False,
     maintainer="irsbot maintainers",
     maintainer_email="maintainers@irsbot.example",

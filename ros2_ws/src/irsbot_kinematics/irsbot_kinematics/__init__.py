@@ -15,17 +15,20 @@ from irsbot_kinematics.errors import (
     UnknownRobot,
     Unreachable,
 )
-from irsbot_kinematics.mechanism import Coordinate, Guarantee, Mechanism, Posture, Status
+from irsbot_kinematics.loops import LoopResult, certify_loop
+from irsbot_kinematics.mechanism import Coordinate, Cuspidal, Guarantee, Mechanism, Posture, Status
 from irsbot_kinematics.robot import Evaluation, Robot, load_robot, make_robot, robots
 
 __all__ = [
     "BadInput",
     "Coordinate",
+    "Cuspidal",
     "Evaluation",
     "Evaluations",
     "Guarantee",
     "InvalidGeometry",
     "KinematicsError",
+    "LoopResult",
     "Mechanism",
     "NotAssembled",
     "Posture",
@@ -33,6 +36,7 @@ __all__ = [
     "Status",
     "UnknownRobot",
     "Unreachable",
+    "certify_loop",
     "load_robot",
     "make_robot",
     "robots",

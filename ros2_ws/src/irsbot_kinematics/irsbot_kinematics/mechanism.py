@@ -48,6 +48,16 @@ class Coordinate(NamedTuple):
         return tau if self.is_angle else inf
 
 
+class Cuspidal(NamedTuple):
+    """Whether a robot can change its assembly mode without meeting a singularity."""
+
+    answer: str
+    """'yes', 'no' or 'unknown'."""
+    reason: str
+    lengths: bool = False
+    """Whether the answer holds for the shipped lengths alone, because a motion of that robot proves it."""
+
+
 @dataclass(slots=True)
 class Legs(Generic[N]):
     """What the legs of one posture (N = float) or many (N = array) offer to the platform."""
@@ -139,6 +149,8 @@ class Mechanism(ABC):
     usual_assembly_mode: int
     labels_hold: ClassVar[bool] = True
     """Whether a branch keeps its assembly label over any motion free of Type 2; where not, only `track` follows it."""
+    cuspidal: ClassVar[Cuspidal] = Cuspidal("unknown", "not examined")
+    """Whether assembly modes are joined by motions free of singularities, and how that is known."""
     limb_count: int = 0
     """How many limbs have a margin of their own."""
 

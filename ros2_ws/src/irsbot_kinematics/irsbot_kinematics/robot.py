@@ -15,7 +15,7 @@ from irsbot_kinematics import batch, statics
 from irsbot_kinematics.arithmetic import FLOATS, Array
 from irsbot_kinematics.batch import Evaluations
 from irsbot_kinematics.errors import BadInput, NotAssembled, Unreachable
-from irsbot_kinematics.mechanism import Floats, Mechanism, Posture, Signs, Status
+from irsbot_kinematics.mechanism import Cuspidal, Floats, Mechanism, Posture, Signs, Status
 from irsbot_kinematics.robot_file import RobotFile, preset_names, read_robot
 from irsbot_kinematics.tolerances import REACH_TOL_M
 
@@ -56,6 +56,14 @@ class Robot:
         self.name = name or mechanism.kind
         self.description = description
         self.supervision = dict(supervision or {})
+
+    @property
+    def cuspidal(self) -> Cuspidal:
+        """Whether the assembly mode can change without a singularity: yes, no or unknown, and why."""
+        said = self.mechanism.cuspidal
+        if said.lengths and self.mechanism.geometry != read_robot(self.mechanism.kind).mechanism.geometry:
+            return Cuspidal("unknown", "the shipped lengths are cuspidal; for others look for a loop about a cusp")
+        return said
 
     def __repr__(self) -> str:
         return f"Robot('{self.name}', {self.mechanism.geometry})"

@@ -19,6 +19,7 @@ from irsbot_kinematics.geometry import require, require_finite, require_size
 from irsbot_kinematics.guarantees import EXACT, Errors, displacement, least_cosine, level_after
 from irsbot_kinematics.mechanism import (
     Coordinate,
+    Cuspidal,
     Floats,
     Guarantee,
     Legs,
@@ -70,6 +71,9 @@ class DeltaFamily(Mechanism):
 
     geometry: DeltaGeometry
     rails: tuple[Rail, Rail, Rail]
+    cuspidal = Cuspidal(
+        "no", "two assembly modes, mirror images with opposite signs of det A at the same joints: the sign is a label"
+    )
 
     def __init__(self, geometry: DeltaGeometry) -> None:
         self.geometry = geometry

@@ -15,7 +15,7 @@ from irsbot_kinematics.arithmetic import FLOATS, Arithmetic, N
 from irsbot_kinematics.boxes import Rod
 from irsbot_kinematics.geometry import require, require_finite
 from irsbot_kinematics.guarantees import CHORD, EXACT, HALF, Errors
-from irsbot_kinematics.mechanism import Coordinate, Floats, Legs, Posture, Signs, Status, sign_of
+from irsbot_kinematics.mechanism import Coordinate, Cuspidal, Floats, Legs, Posture, Signs, Status, sign_of
 from irsbot_kinematics.mechanisms.turning_platform import Travel, TurningPlatform
 from irsbot_kinematics.tolerances import CLOSURE_TOL_M, COINCIDENT_TOL_M
 
@@ -53,6 +53,9 @@ class Rrr3(TurningPlatform):
 
     kind: ClassVar[str] = "rrr3"
     geometry: Rrr3Geometry
+    cuspidal = Cuspidal(
+        "no", "det A = const sin(phi) (K - |p|^2)/...: both factors keep their signs, and their pair is the label"
+    )
     limb_count = 3
 
     def __init__(self, geometry: Rrr3Geometry) -> None:

@@ -9,6 +9,7 @@ import typer
 from irsbot_kinematics import InvalidGeometry, KinematicsError, NotAssembled, Unreachable
 from irsbot_kinematics.stiffness import NoSize, SingularPosture
 from irsbot_supervisor.cli import (
+    algebra,
     bags,
     bench,
     check,
@@ -59,6 +60,7 @@ app.command("map")(map.draw)
 app.command("stiffness", context_settings=NUMBERS)(stiffness.show)
 design.app.command("size")(sizing.size)
 app.add_typer(design.app, name="design")
+app.add_typer(algebra.app, name="algebra")
 
 BAD_INPUT = (InvalidSettings, BadTrajectory, InvalidGeometry, BagError, SimulationError, KinematicsError)
 """What a user can cause; each says in one sentence what is wrong and what would be right."""

@@ -19,17 +19,23 @@ AsJson = Annotated[bool, typer.Option("--json", help="print JSON")]
 
 
 def list_robots(as_json: AsJson = False) -> None:
-    """The shipped robots.
+    """The shipped robots. Cuspidal: the assembly mode can change without a singularity; --json gives the reason.
 
     Example: irsbot robots
     """
-    rows = [{"name": name, "description": make_robot(name).description} for name in robots()]
+    rows = []
+    for name in robots():
+        machine = make_robot(name)
+        said = machine.cuspidal
+        rows.append(
+            {"name": name, "description": machine.description, "cuspidal": said.answer, "cuspidal_reason": said.reason}
+        )
     if as_json:
         print_json(rows)
         return
-    table = Table("robot", "description")
+    table = Table("robot", "cuspidal", "description")
     for row in rows:
-        table.add_row(row["name"], row["description"])
+        table.add_row(row["name"], row["cuspidal"], row["description"])
     out.print(table)
 
 

@@ -4,9 +4,9 @@ The joints of a stretch lie in a box; the mechanism bounds its margins over boxe
 cut where their bound does not suffice, in the order of time, so that the first violation is the one that is named.
 Points with velocities are joined by cubics, points without by straight lines, as trajectory controllers do.
 
-A supervisor stops a robot earlier: as soon as drives that do their worst from then on could not be stopped in time. Where
-it is told how long the robot goes on unseen, a motion is certified for that, too: what the joints can reach from a part
-of the motion is added to the box of that part.
+A supervisor stops a robot earlier: as soon as drives that do their worst from then on could not be stopped in time.
+Where it is told how long the robot goes on unseen, a motion is certified for that, too: what the joints can reach from
+a part of the motion is added to the box of that part.
 """
 
 from __future__ import annotations
@@ -242,8 +242,8 @@ class _Walk:
         return self._parts(segment, start, middle, cuts - 1) or self._parts(segment, middle, end, cuts - 1)
 
     def _bound(self, low: Array, high: Array, slow: Array, fast: Array, cuts: int) -> tuple[Posture, Margins, bool]:
-        """The posture in the middle of a box of joints, lower bounds of the margins over the box and what can be reached
-        from it, and whether that is nearly all of it. slow, fast: bounds of the joint velocities there."""
+        """The posture in the middle of a box of joints, lower bounds of the margins over the box and what can be
+        reached from it, and whether that is nearly all of it. slow, fast: bounds of the joint velocities there."""
         middle, here = tuple((0.5 * (low + high)).tolist()), self._here
         if here is None:
             at = self._mechanism.posture(middle, self._assembly)

@@ -169,7 +169,10 @@ class Gate:
         """How fast the supervisor will take the joints to be at most when they have followed a command for a heartbeat,
         and from where to where (rad or m) they can have got by then. They go on as they are for the latency; what is to
         be slower brakes then."""
-        forward, backward, low, high = [], [], [], []
+        forward: list[float] = []
+        backward: list[float] = []
+        low: list[float] = []
+        high: list[float] = []
         more, limits = excess(self._settings, 0.5 * view.expected_s), self._settings.deceleration_limit
         for now, rate, up, down, brake, e in zip(view.velocity, rates, *view.speeds, limits, more, strict=True):
             known = now == now

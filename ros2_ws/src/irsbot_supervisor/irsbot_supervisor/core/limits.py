@@ -3,9 +3,9 @@
 A joint that cannot be stopped from its velocity limit before a stop limit is reached, whatever the posture, can never
 be that fast without a STOP. Each joint is judged by itself, the others at rest, forth and back. Together the joints may
 well be faster than any room they have, as three slides that all run apart, and no task drives them so; but what no
-joint can do alone, no task can do. Encoder and geometry errors count, and so does what every joint, the resting ones too,
-can gain of speed until the brakes act. The time between samples does not, because the settings do not know it: what is
-refused here could not work with any.
+joint can do alone, no task can do. Encoder and geometry errors count, and so does what every joint, the resting ones
+too, can gain of speed until the brakes act. The time between samples does not, because the settings do not know it:
+what is refused here could not work with any.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Longer motions through the command gate: a commanded trajectory in, the motion that is allowed out.
 
 The motion is certified between its points too. It is slowed down until from every moment of it the robot could be
-stopped before the gate's limits, whatever its drives do; where that cannot be had even slowly, the motion is followed to
-the last place from which it can, and ends there at rest, on the way that was commanded.
+stopped before the gate's limits, whatever its drives do; where that cannot be had even slowly, the motion is followed
+to the last place from which it can, and ends there at rest, on the way that was commanded.
 """
 
 from __future__ import annotations

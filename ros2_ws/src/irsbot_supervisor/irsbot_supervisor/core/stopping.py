@@ -21,8 +21,8 @@ if TYPE_CHECKING:
     from irsbot_supervisor.core.settings import Settings
 
 HALVINGS, MORE_HALVINGS = 1, 3
-"""How often the box of one sample may be halved across every joint to prove that no warning is due, and before a robot is
-stopped for a bound alone: 2^n cuts each for n joints. While that is computed the robot goes on."""
+"""How often the box of one sample may be halved across every joint to prove that no warning is due, and before a robot
+is stopped for a bound alone: 2^n cuts each for n joints. While that is computed the robot goes on."""
 
 WIDER = 0.1
 """1: a box is proved with this share of its size added at each end where that succeeds at once: the boxes of the next
@@ -199,8 +199,8 @@ class StoppingPredictor:
         return looked.floor
 
     def along(self, at: Posture, rates: Floats, ahead_s: float, wanted: Margins) -> Margins:
-        """Certified smallest margins until standstill if every joint goes on at its rate (rad/s or m/s) for `ahead_s` and
-        the latency, and then brakes: no guarantee against drives that do otherwise."""
+        """Certified smallest margins until standstill if every joint goes on at its rate (rad/s or m/s) for `ahead_s`
+        and the latency, and then brakes: no guarantee against drives that do otherwise."""
         forward, backward = self._reach.until_rest_from(rates, ahead_s + self._latency)
         low, high = list(map(sub, at.joints, backward)), list(map(add, at.joints, forward))
         low, high = list(map(sub, low, self._reach.errors)), list(map(add, high, self._reach.errors))
@@ -223,8 +223,8 @@ def lowest(floors: list[Margins]) -> Margins:
 
 
 def _in_question(met: Margins, wanted: Margins) -> Margins:
-    """What is wanted of the margins that are not already seen to be lower somewhere: of those nothing can be proved, and
-    the others shall not be blamed for it."""
+    """What is wanted of the margins that are not already seen to be lower somewhere: of those nothing can be proved,
+    and the others shall not be blamed for it."""
     type1, type2, constraint, limb = (want if have >= want else -inf for have, want in zip(met, wanted, strict=True))
     return type1, type2, constraint, limb
 

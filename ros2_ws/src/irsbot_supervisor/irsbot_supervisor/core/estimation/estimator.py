@@ -81,8 +81,8 @@ class Estimator:
         return self._keep(sample, speeds, expected, suspicion=suspicion)
 
     def _last_was_wrong(self, sample: Accepted, last: Estimate, span_s: float) -> bool:
-        """Whether a sample that cannot follow the last one follows the one before it: then the last was stamped late, by
-        a sender that was interrupted between reading and stamping."""
+        """Whether a sample that cannot follow the last one follows the one before it: then the last was stamped late,
+        by a sender that was interrupted between reading and stamping."""
         before = self._before
         if before is None or not self._jumps.too_far(self._jumps.moved(sample.position, last.position), span_s):
             return False
@@ -172,8 +172,8 @@ class Estimator:
         return estimate
 
     def _standing_s(self, sample: Accepted, rates: Floats) -> float:
-        """s for which no joint has moved faster than the standstill speed, by what is reported and by its positions: from
-        where it was `stale_s` ago or less."""
+        """s for which no joint has moved faster than the standstill speed, by what is reported and by its positions:
+        from where it was `stale_s` ago or less."""
         now_ns, since_s = sample.seen_ns, (sample.seen_ns - self._rest_ns) / S
         if self._rest and not any(abs(rate) > self._slow for rate in rates):
             most = self._slow * since_s + self._step

@@ -77,7 +77,8 @@ class Jumps:
         return ""
 
     def _off(self, sample: Accepted, before: Estimate | Accepted, rates: Floats) -> float:
-        """s of fastest motion between where a sample is and where it would be, had the motion gone on at these rates."""
+        """s of fastest motion between where a sample is and where it would be, had the motion gone on at these
+        rates."""
         dt = (sample.stamp_ns - before.stamp_ns) / S
         moved = self.moved(sample.position, before.position)
         return max(abs(step - rate * dt) / most for step, rate, most in zip(moved, rates, self._fastest, strict=True))

@@ -28,8 +28,8 @@ class Publishers:
         self._step = 2.0 * settings.encoder_resolution
 
     def contradiction(self, now: Floats, then: Floats, earlier_s: float, passed_s: float, period_s: float) -> str:
-        """Why two samples cannot come from the same robot, or empty. earlier_s: by how much the newer arrival is stamped
-        earlier, passed_s: steady time between the arrivals, period_s: between the stamps of one sender."""
+        """Why two samples cannot come from the same robot, or empty. earlier_s: by how much the newer arrival is
+        stamped earlier, passed_s: steady time between the arrivals, period_s: between the stamps of one sender."""
         span_s = passed_s + LATE_PERIODS * abs(period_s) + earlier_s
         joints = zip(self._names, self._units, self._turns, self._fastest, strict=True)
         for (name, unit, turn, fastest), a, b in zip(joints, now, then, strict=True):

@@ -78,7 +78,9 @@ class Reported:
             rates.append(rate if right else mean)
             if not right and not fault:
                 unit = self._units[j]
-                fault = f"joint '{self._names[j]}' reports {rate:.4g} {unit}/s but its position moves at {mean:.4g} {unit}/s"
+                fault = (
+                    f"joint '{self._names[j]}' reports {rate:.4g} {unit}/s, its position moves at {mean:.4g} {unit}/s"
+                )
         return Velocities(tuple(rates), fault)
 
     def trusted(self, sample: Accepted, found: Velocities, speeds: Speeds) -> Speeds:

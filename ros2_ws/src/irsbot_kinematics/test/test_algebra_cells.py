@@ -1,0 +1,437 @@
+"""Cells, regions, areas, cusps and configurations: the numbers of the sheet, and independent methods."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from math import asin, cos, inf, pi, sin, sqrt
+
+import numpy as np
+import pytest
+
+pytest.importorskip("flint", reason="python-flint is an optional extra")
+
+from irsbot_kinematics import algebra, make_robot
+from irsbot_kinematics.algebra.cusps_numeric import numeric_cusps
+from irsbot_kinematics.algebra.polynomial import integer_context
+from irsbot_kinematics.algebra.sizes import refuse_large_walls
+from irsbot_kinematics.algebra.upright_rods import eliminant
+from irsbot_kinematics.assemblies import SAMPLED_TURNS, planar_closing, trigonometric_roots
+
+# Sheet of the algebra, section 6: cusps of the 3-RPR, (rho_2, rho_3; phi).
+CUSPS = {
+    "17": [
+        (2.834794079, 5.789814030, 0.887254498),
+        (15.92255635, 6.285144863, -0.152035784),
+        (15.96297362, 26.59630689, 2.991375146),
+        (18.04091885, 31.59638572, -0.011801123),
+        (31.95218199, 14.26550131, -2.132770684),
+        (32.40429206, 28.61449447, 0.997474235),
+    ],
+    "14.98": [
+        (0.8452820183, 3.777915800, 0.884507741),
+        (13.85146009, 6.260100403, -0.045375910),
+        (16.02767053, 29.56671398, -0.010446773),
+        (17.98854689, 26.44618329, 2.973638797),
+        (30.44913058, 26.61916130, 1.003239778),
+        (31.27612613, 16.17845042, -2.144953046),
+    ],
+}
+# Regions and areas of the box [0.1, 45]^2.
+CELLS = {
+    "17": ({0: (41, 5), 2: (49, 3), 4: (41, 3), 6: (16, 1)}, {0: 673.7639, 2: 989.4260, 4: 283.4635, 6: 69.3565}, 22),
+    "14.98": (
+        {0: (46, 6), 2: (48, 4), 4: (38, 2), 6: (16, 1)},
+        {0: 760.4514, 2: 919.9656, 4: 255.8282, 6: 79.7648},
+        23,
+    ),
+}
+# Section 7: slices of the Delta-like robots, number of solutions -> (cells, regions) and area.
+WORKSPACE = {
+    "orthoglide": ({0: (40, 24), 1: (4, 1), 8: (2, 1)}, {1: 9.42477796, 8: 0.42305387}),
+    "hybridglide": (
+        {0: (86, 35), 1: (4, 1), 2: (4, 2), 4: (4, 3), 8: (4, 1)},
+        {1: 2.90347258, 2: 0.85178210, 4: 0.18736314, 8: 0.37055627},
+    ),
+    "triaglide": (
+        {0: (52, 40), 1: (8, 2), 2: (8, 4), 4: (8, 6), 8: (4, 1)},
+        {1: 5.80694517, 2: 1.70356419, 4: 0.37472629, 8: 0.87464339},
+    ),
+    "uranesx": ({0: (166, 24), 1: (8, 1), 2: (20, 3), 4: (13, 3)}, {1: 2.11438898, 2: 1.43104946, 4: 0.26233231}),
+}
+JOINT = {
+    "orthoglide": (1, 1, 10.24754432),
+    "hybridglide": (4, 1, 10.81184966),
+    "triaglide": (8, 2, 8.81011280),
+    "uranesx": (3, 1, 15.71659139),
+}
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("IRSBOT_CACHE", str(tmp_path))
+
+
+@pytest.fixture(scope="module")
+def slice_17():
+    return algebra.decompose(
+        algebra.predefined("3rpr"), ("rho2", "rho3"), ((0.1, 45), (0.1, 45)), {"rho1": 17}, cache=False
+    )
+
+
+def companion_counts(rho):
+    """Direct solutions of the 3-RPR from the roots of a companion matrix of Fourier samples, (N,)."""
+    b = [(0.0, 0.0), (17.04, 0.0), (13.2363732394, 16.0967084668)]
+    a = [(0.0, 0.0), (15.91, 0.0), (0.0, 10.0)]
+    c, s = np.cos(SAMPLED_TURNS), np.sin(SAMPLED_TURNS)
+    ends = [(bx * c - by * s - ax, bx * s + by * c - ay) for (bx, by), (ax, ay) in zip(b, a, strict=True)]
+    values = np.array([planar_closing(ends, lengths) for lengths in rho])
+    _, unreal = trigonometric_roots(values)
+    return (unreal < 1e-6).sum(axis=1)
+
+
+def test_cells_of_the_3rpr_slice(slice_17):
+    counts, areas, columns = CELLS["17"]
+    assert slice_17.counts() == counts
+    assert slice_17.columns == columns
+    assert slice_17.areas() == pytest.approx(areas, abs=5.1e-5)
+    assert sum(slice_17.areas().values()) == pytest.approx(44.9**2, abs=1e-8)
+    assert slice_17.rounded == {"b3x": Fraction("13.236373"), "b3y": Fraction("16.096708")}
+
+
+@pytest.mark.slow
+def test_cells_of_the_other_3rpr_slice():
+    counts, areas, columns = CELLS["14.98"]
+    found = algebra.decompose(algebra.predefined("3rpr"), ("rho2", "rho3"), ((0.1, 45), (0.1, 45)), {"rho1": "14.98"})
+    assert (found.counts(), found.columns) == (counts, columns)
+    assert found.areas() == pytest.approx(areas, abs=5.1e-5)
+
+
+def test_counts_agree_with_a_companion_matrix_over_a_grid(slice_17):
+    rng = np.random.default_rng(4)
+    points = rng.uniform(0.2, 44.9, (120, 2)).round(3)
+    expected = companion_counts([(17.0, *point) for point in points])
+    for point, count in zip(points.tolist(), expected, strict=True):
+        assert slice_17.locate(point).count == count
+
+
+def test_location_knows_walls_and_the_outside(slice_17):
+    cell = slice_17.locate((20, 20))
+    assert cell.count == slice_17.region_of(cell).count
+    assert slice_17.locate((50, 1)) is None
+    plane = slice_17.plane
+    assert plane.locate(plane.columns[3], plane.second.low) is None
+    ortho = algebra.decompose(algebra.predefined("orthoglide"), ("x", "y"), ((-2, 2), (-2, 6)), {"z": 1})
+    assert ortho.locate((0, 2)) is None  # on the cylinder D_1: y^2 + z^2 = 4 has y = sqrt 3; the line x = 0 is a wall
+    assert ortho.locate(("0.5", "1.3")).count == ortho.locate(("0.501", "1.3")).count
+    five_bar = algebra.decompose(algebra.predefined("rr_rrr"), ("x", "z"), ((-1.5, 1.5), (-1.5, 1.5)))
+    assert five_bar.locate((0, 1)).count == 4  # the circles cross on the line x = 0, which is no wall
+    assert five_bar.locate(("-0.5875", 0)) is None  # the leftmost point of an inner circle
+    with pytest.raises(algebra.AlgebraError, match="two coordinates"):
+        slice_17.locate((1, 2, 3))
+
+
+def test_neighbours_with_equal_numbers_are_one_region(slice_17):
+    for a, b in slice_17.graph:
+        if slice_17.cells[a].count == slice_17.cells[b].count:
+            assert slice_17.region_of(a) == slice_17.region_of(b)
+    assert sorted(i for region in slice_17.regions for i in region.cells) == list(range(147))
+
+
+def test_numbers_on_the_walls_lie_between_their_sides(slice_17):
+    """On an arc one pair of solutions is a double one: counted by the companion matrix just beside it."""
+    arcs = algebra.wall_counts(slice_17)
+    assert len(arcs) == 147 - 22
+    for arc in arcs:
+        sides = slice_17.cells[arc.below].count, slice_17.cells[arc.above].count
+        assert abs(sides[0] - sides[1]) in (0, 2)
+        assert arc.count == sum(sides) // 2
+    ortho = algebra.decompose(algebra.predefined("orthoglide"), ("x", "y"), ((-2, 2), (-2, 6)), {"z": 1})
+    assert {arc.count for arc in algebra.wall_counts(ortho)} == {0, 1, 4}
+
+
+def test_a_second_call_comes_from_the_cache_and_can_do_the_same(tmp_path):
+    s = algebra.predefined("hybridglide")
+    said = []
+    first = algebra.decompose(s, ("x", "y"), ((-2, 2), (-2, 6)), {"z": 1}, progress=lambda *what: said.append(what))
+    assert {what for what, _, _ in said} >= {"critical values", "numbers of solutions", "cell graph", "areas"}
+    said.clear()
+    again = algebra.decompose(s, ("x", "y"), ((-2, 2), (-2, 6)), {"z": 1}, progress=lambda *what: said.append(what))
+    assert said == []
+    assert again.regions == first.regions
+    for point in ((0, 1), ("0.1", "1.7"), (-1, 5)):
+        assert again.locate(point) == first.locate(point)
+    for file in tmp_path.iterdir():
+        file.write_bytes(b"damaged")
+    assert algebra.decompose(s, ("x", "y"), ((-2, 2), (-2, 6)), {"z": 1}).regions == first.regions
+
+
+@pytest.mark.parametrize("name", WORKSPACE)
+def test_workspace_slices_of_the_delta_robots(name):
+    found = algebra.decompose(algebra.predefined(name), ("x", "y"), ((-2, 2), (-2, 6)), {"z": 1})
+    counts, areas = WORKSPACE[name]
+    assert found.counts() == counts
+    assert {n: a for n, a in found.areas().items() if n} == pytest.approx(areas, abs=1.1e-8)
+    assert sum(found.areas().values()) == pytest.approx(32.0, abs=1e-7)
+    if name == "orthoglide":
+        assert found.areas()[1] == pytest.approx(3.0 * pi, abs=1e-7)
+
+
+@pytest.mark.parametrize("name", JOINT)
+def test_joint_slices_of_the_delta_robots(name):
+    found = algebra.decompose(algebra.predefined(name), ("rho1", "rho2"), ((0, 4), (0, 4)), {"rho3": 2})
+    cells, regions, area = JOINT[name]
+    assert found.counts()[2] == (cells, regions)
+    assert found.areas()[2] == pytest.approx(area, abs=1.1e-8)
+
+
+@pytest.mark.parametrize("name", ["orthoglide", "hybridglide", "triaglide"])
+def test_counts_agree_with_the_closed_forms_of_the_robots(name):
+    """inverse_all and direct_all know nothing of polynomials; limits 0 < rho < 4."""
+    robot, s = make_robot(name), algebra.predefined(name)
+    pose = algebra.decompose(s, ("x", "y"), ((-2, 2), (-2, 6)), {"z": 1})
+    joint = algebra.decompose(s, ("rho1", "rho2"), ((0, 4), (0, 4)), {"rho3": 2})
+    rng = np.random.default_rng(6)
+    for x, y in rng.uniform((-2, -2), (2, 6), (50, 2)).round(4).tolist():
+        inside = [q for q in robot.inverse_all((x, y, 1.0)) if min(q) > 0.0 and max(q) < 4.0]
+        assert pose.locate((x, y)).count == len(inside)
+    for first, second in rng.uniform(0.01, 3.99, (40, 2)).round(4).tolist():
+        assert joint.locate((first, second)).count == len(robot.direct_all((first, second, 2.0)))
+
+
+def test_a_five_bar_joint_and_pose_cell_belong_together():
+    s = algebra.predefined("rr_rrr")
+    joint = algebra.decompose(s, ("q1", "q2"), ((-3, 3), (-3, 3)))
+    pose = algebra.decompose(s, ("x", "z"), ((-1.5, 1.5), (-1.5, 1.5)))
+    assert joint.counts() == {2: (1, 1)}  # rods longer than the crank ends are ever apart: two poses everywhere
+    assert joint.areas()[2] == pytest.approx(36.0)
+    l1, l2, b = 0.375, 0.825, 0.1375
+    lens = two_discs(l1 + l2, 2 * b)
+    holes = 2 * pi * (l2 - l1) ** 2 - two_discs(l2 - l1, 2 * b)
+    assert pose.areas()[4] == pytest.approx(lens - holes, abs=1e-7)
+    assert all(
+        pose.cells[i].count == 4 for row in algebra.pairing(s, joint, pose).values() for i in row if i is not None
+    )
+    path = algebra.image_of_path(s, [{"x": "0.1", "z": "0.5"}, {"x": "1.2", "z": "0.6"}], pose)
+    assert [len(point.images) for point in path] == sorted((len(point.images) for point in path), reverse=True)
+    leaving = max(point.values["x"] for point in path if len(point.images) == 4)
+    z = 0.5 + (leaving - 0.1) / 11.0
+    assert (leaving + b) ** 2 + z**2 == pytest.approx((l1 + l2) ** 2, abs=1e-6)  # bisected to the outer circle
+
+
+def two_discs(radius, apart):
+    """Area of the intersection of two discs of one radius."""
+    half = 0.5 * apart
+    return 2 * (radius**2 * (0.5 * pi - asin(half / radius)) - half * sqrt(radius**2 - half**2))
+
+
+@pytest.mark.parametrize("rho1", CUSPS)
+def test_cusps_of_the_3rpr(rho1):
+    found = algebra.cusps(algebra.predefined("3rpr"), {"rho1": rho1})
+    assert (found.status, found.complex_count) == ("certified", 24)
+    rows = [(c.joints["rho2"], c.joints["rho3"], c.pose["phi"]) for c in found]
+    for row, printed in zip(rows, CUSPS[rho1], strict=True):
+        assert row == pytest.approx(printed, abs=6e-9)
+    assert max(c.radius for c in found) < 1e-20
+
+
+@pytest.mark.parametrize("rho1", ["5", "10", "12.5", "20", "26"])
+def test_other_slices_have_six_cusps_too(rho1):
+    assert len(algebra.cusps(algebra.predefined("3rpr"), {"rho1": rho1})) == 6
+
+
+def test_a_cusp_is_a_triple_root_of_the_closing_equation():
+    """Independent of the plane map: roots of the companion matrix come together three by three."""
+    for rho2, rho3, phi in CUSPS["17"]:
+        b = [(0.0, 0.0), (17.04, 0.0), (13.2363732394, 16.0967084668)]
+        a = [(0.0, 0.0), (15.91, 0.0), (0.0, 10.0)]
+
+        def closing(turn, lengths=(17.0, rho2, rho3), b=b, a=a):
+            c, s = np.cos(turn), np.sin(turn)
+            ends = [(bx * c - by * s - ax, bx * s + by * c - ay) for (bx, by), (ax, ay) in zip(b, a, strict=True)]
+            return planar_closing(ends, lengths)
+
+        h = 1e-3
+        f = closing(phi + h * np.arange(-2, 3))
+        scale = np.abs(closing(np.linspace(-3, 3, 50))).max()
+        slope = (f[3] - f[1]) / (2 * h)
+        bend = (f[3] - 2 * f[2] + f[1]) / h**2
+        third = (f[4] - 2 * f[3] + 2 * f[1] - f[0]) / (2 * h**3)
+        assert abs(f[2]) < 1e-7 * scale
+        assert abs(slope) < 1e-5 * scale
+        assert abs(bend) < 1e-3 * abs(third)
+
+
+@pytest.mark.slow
+def test_newton_from_many_starts_finds_the_same_cusps():
+    s = algebra.predefined("3rpr")
+    found = numeric_cusps(s, "joint", ["rho2", "rho3"], s.point({"rho1": 17}))
+    assert found.status == "numeric"
+    assert all(cusp.radius == inf for cusp in found)
+    rows = sorted((c.joints["rho2"], c.joints["rho3"]) for c in found)
+    assert np.array(rows) == pytest.approx(np.array([row[:2] for row in CUSPS["17"]]), abs=1e-7)
+
+
+def test_cusps_of_the_orthogonal_3r():
+    found = algebra.cusps(algebra.predefined("serial_3r"), space="pose")
+    rows = sorted({(round(c.pose["x"], 9), round(abs(c.pose["z"]), 9)) for c in found})
+    assert np.array(rows) == pytest.approx(
+        np.array([(1.355493789, 0.5046704936), (2.465550009, 1.998718695)]), abs=2e-9
+    )
+    assert len(found) == 4
+    for cusp in found:  # the posture closes
+        d2, d3, d4, r2 = 1.0, 2.0, 1.5, 1.0
+        q = cusp.joints
+        A, B = d3 + d4 * cos(q["th3"]), r2 + d4 * sin(q["th3"])
+        reach = d2 + A * cos(q["th2"])
+        assert reach * cos(q["th1"]) - B * sin(q["th1"]) == pytest.approx(cusp.pose["x"], abs=1e-12)
+        assert reach * sin(q["th1"]) + B * cos(q["th1"]) == pytest.approx(0.0, abs=1e-12)
+        assert -A * sin(q["th2"]) == pytest.approx(cusp.pose["z"], abs=1e-12)
+
+
+@pytest.mark.parametrize("d3", [Fraction(2), Fraction(1, 2)])
+def test_number_of_cusps_of_orthogonal_3r_on_both_sides_of_every_limit(d3):
+    r2, x = 1.0, float(d3)
+    a, b = sqrt((x + 1) ** 2 + r2**2), sqrt((x - 1) ** 2 + r2**2)
+    m = x * x + r2 * r2
+    c1 = sqrt((m - (m * m - x * x + r2 * r2) / (a * b)) / 2)
+    c2, c3 = x * a / (1 + x), x * b / abs(x - 1)
+    numbers = [(c1, 0, 4), (c2, 4, 2), (c3, 2, 4 if x > 1 else 0)]
+    for limit, below, above in numbers:
+        for d4, expected in ((limit - 1e-3, below), (limit + 1e-3, above)):
+            s = algebra.predefined("serial_3r", d3=d3, d4=f"{d4:.8f}")
+            assert len(algebra.cusps(s, space="pose")) == expected
+
+
+def test_six_configurations_of_the_3rpr():
+    found = algebra.configurations(algebra.predefined("3rpr"), {"rho1": 14.98, "rho2": 15.38, "rho3": 12}, order="phi")
+    printed = [-0.9869742378, -0.0473313694, 0.245309531, 0.5856727833, 1.00203854, 2.132904365]
+    assert [c.pose["phi"] for c in found] == pytest.approx(printed, abs=1e-9)
+    for c in found:
+        x, y, phi = c.pose.values()
+        assert x * x + y * y == pytest.approx(14.98**2)
+        assert (x + 17.04 * cos(phi) - 15.91) ** 2 + (y + 17.04 * sin(phi)) ** 2 == pytest.approx(15.38**2)
+        assert c.radius < 1e-12
+    full = algebra.configurations(
+        algebra.predefined("3rpr_full"), {"rho1": 14.98, "rho2": 15.38, "rho3": 12}, order="phi"
+    )
+    assert [c.pose["phi"] for c in full] == pytest.approx(printed, abs=1e-9)
+
+
+def test_inverse_solutions_of_the_orthoglide():
+    found = algebra.configurations(algebra.predefined("orthoglide"), {"x": 1.3, "y": 1.1, "z": 1.2})
+    assert len(found) == 8
+    printed = [(0.1381049961, 2.461895004), (0.1672620947, 2.032737905), (0.1511911518, 2.248808848)]
+    for name, values in zip(("rho1", "rho2", "rho3"), printed, strict=True):
+        assert sorted({round(c.joints[name], 9) for c in found}) == pytest.approx(values, abs=1e-9)
+    triaglide = algebra.predefined("triaglide")
+    pose = {"x": 0.2, "y": 1.5, "z": 0.7}
+    assert len(algebra.configurations(triaglide, pose)) == 2  # within the limits
+    assert len(algebra.configurations(triaglide, pose, constraints=False)) == 8
+
+
+def test_direct_solutions_of_the_uranesx():
+    s = algebra.predefined("uranesx", half_root_3=20)
+    found = algebra.configurations(s, {"rho1": "3.64237861", "rho2": "1.765621668", "rho3": "2.497069354"})
+    printed = [(-0.8827320687, 0.6704222753, 3.718889591), (1.189953517, -0.1984848357, 1.661338118)]
+    assert np.array([list(c.pose.values()) for c in found]) == pytest.approx(np.array(printed), abs=1e-8)
+
+
+def test_eight_solutions_of_the_uranesx_that_the_paper_misses():
+    """P = (0, 0, 2): rho_i = 2 +- sqrt 3, all within (0, 4)."""
+    found = algebra.configurations(algebra.predefined("uranesx", half_root_3=30), {"x": 0, "y": 0, "z": 2})
+    assert len(found) == 8
+    assert {round(v, 6) for c in found for v in c.joints.values()} == {round(2 - sqrt(3), 6), round(2 + sqrt(3), 6)}
+
+
+@pytest.mark.parametrize(
+    ("name", "joints", "real"), [("3prs_v", ("0.5", 1, "0.7"), 8), ("3prs_h", ("0.5", 1, "0.7"), 16)]
+)
+def test_3prs_has_sixteen_solutions(name, joints, real):
+    s = algebra.predefined(name)
+    values = dict(zip(s.joints, joints, strict=True))
+    assert eliminant(s, s.point(values))[0].degree() == 16
+    found = algebra.configurations(s, values)
+    assert len(found) == real
+    for c in found:  # rods, and the planes in which the points stay
+        a, b, cc, d = (c.pose[k] for k in "abcd")
+        assert min(abs(a), abs(d)) < 1e-9
+        rotation = np.array(
+            [
+                [a * a + b * b - cc * cc - d * d, 2 * (b * cc - a * d), 2 * (b * d + a * cc)],
+                [2 * (b * cc + a * d), a * a - b * b + cc * cc - d * d, 2 * (cc * d - a * b)],
+                [2 * (b * d - a * cc), 2 * (cc * d + a * b), a * a - b * b - cc * cc + d * d],
+            ]
+        )
+        for k, rho in enumerate(map(float, map(Fraction, joints))):
+            turn = 2 * pi * k / 3
+            way = np.array([cos(turn), sin(turn), 0.0])
+            point = np.array([c.pose["x"], c.pose["y"], c.pose["z"]]) + rotation @ way
+            slide = 3.0 * way + [0, 0, rho] if name == "3prs_v" else rho * way
+            assert abs(-sin(turn) * point[0] + cos(turn) * point[1]) < 1e-9
+            assert np.linalg.norm(point - slide) == pytest.approx(4.0, abs=1e-9)
+
+
+def test_four_rotations_of_the_3ppps():
+    s = algebra.predefined("3ppps")
+    joints = {"y1": "-0.1", "z1": "0.05", "y2": "0.3", "z2": "-0.2", "x3": "0.1", "z3": "0.2"}
+    found = algebra.configurations(s, joints)
+    assert len(found) == 8  # each rotation as two quaternions
+    rotations = {tuple(round(v * w, 6) for v in c.pose.values() for w in [np.sign(c.pose["a"])])[3:] for c in found}
+    assert len(rotations) == 4
+
+
+def test_what_cannot_be_decomposed_is_said_in_one_line():
+    s = algebra.predefined("3rpr")
+    for names, box, fixed, word in (
+        (("rho2", "rho3"), ((1, 2), (1, 2)), {}, "rho1"),
+        (("rho2", "rho3"), ((2, 1), (1, 2)), {"rho1": 17}, "empty"),
+        (("rho2", "x"), ((1, 2), (1, 2)), {"rho1": 17}, "two of the joints"),
+        (("rho2", "rho2"), ((1, 2), (1, 2)), {"rho1": 17}, "different"),
+        (("rho2", "rho3"), ((1, 2), (1, 2)), {"rho1": 0.1 + 0.2}, "no decimal"),
+        (("rho2", "rho3"), ((1, float("nan")), (1, 2)), {"rho1": 17}, "finite"),
+    ):
+        with pytest.raises(algebra.AlgebraError, match=word) as refused:
+            algebra.decompose(s, names, box, fixed)
+        assert "\n" not in str(refused.value)
+    u, v = integer_context(("u", "v")).gens()
+    refuse_large_walls([u**40 - v, u * v - 1])
+    with pytest.raises(algebra.TooLarge, match="critical values of degree 1640"):
+        refuse_large_walls([u * v - 1, u**41 - v])
+    with pytest.raises(algebra.AlgebraError, match="no variable"):
+        algebra.configurations(s, {"rho9": 1})
+    with pytest.raises(algebra.AlgebraError, match="infinitely many"):
+        algebra.configurations(s, {"rho1": 1})
+
+
+def test_an_octree_encloses_the_known_volumes():
+    """Volumes of the sheet of other mechanisms, section 3: joint space of the orthoglide with two solutions 35.5431."""
+    found = algebra.octree(algebra.predefined("orthoglide"), ("rho1", "rho2", "rho3"), ((0, 4),) * 3, 4)
+    volumes = found.volumes()
+    assert volumes[2] < 35.5431 < volumes[2] + found.undecided
+    assert sum(volumes.values()) + found.undecided == pytest.approx(64.0)
+    pose = algebra.octree(algebra.predefined("orthoglide"), ("x", "y", "z"), ((-2, 2), (-2, 6), (-2, 6)), 4)
+    assert pose.volumes()[1] < 32 * pi / 3 < pose.volumes()[1] + pose.undecided
+    with pytest.raises(algebra.TooLarge, match="boxes"):
+        algebra.octree(algebra.predefined("orthoglide"), ("x", "y", "z"), ((-2, 2),) * 3, 9)
+
+
+def test_a_mechanism_of_ones_own():
+    """A point on two cranks of different lengths: the circles of reach are known in closed form."""
+    s = algebra.System(
+        ["(x - a*cos(q1))^2 + (y - a*sin(q1))^2 = c^2", "(x - d - b*cos(q2))^2 + (y - b*sin(q2))^2 = c^2"],
+        pose=["x", "y"], joints=["q1", "q2"], angles=["q1", "q2"],
+        parameters={"a": 1, "b": "1/2", "c": 2, "d": 3},
+    )  # fmt: skip
+    found = algebra.decompose(s, ("x", "y"), ((-4, 6), (-4, 4)))
+    assert set(found.counts()) == {0, 4}
+    annuli = monte_carlo(
+        lambda x, y: (
+            (np.hypot(x, y) > 1) & (np.hypot(x, y) < 3) & (np.hypot(x - 3, y) > 1.5) & (np.hypot(x - 3, y) < 2.5)
+        )
+    )
+    assert found.areas()[4] == pytest.approx(annuli, rel=0.02)
+
+
+def monte_carlo(inside):
+    x, y = np.meshgrid(np.linspace(-4, 6, 1500), np.linspace(-4, 4, 1200))
+    return 80.0 * float(inside(x, y).mean())

@@ -1,0 +1,119 @@
+"""Loops about cusps: the platform changes its assembly mode, and every step is proved. Sheet, section 6."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+pytest.importorskip("flint", reason="python-flint is an optional extra")
+
+import irsbot_kinematics as irs
+from irsbot_kinematics import algebra
+from irsbot_kinematics.loops import circle
+
+# robot, centre, joints, radius, start, pose before, pose after, smallest |det A| of halved closure rows.
+ROBOTS = [
+    (
+        "rrr3_base",
+        (-0.750995, 3.180521, -0.321021),
+        (2, 3),
+        0.1,
+        5.235988,
+        (0.08076, 0.03511, 1.22907),
+        (0.21813, -0.10313, 1.77226),
+        0.000955,
+    ),
+    (
+        "rrr3_base",
+        (2.031052, -3.267024, -1.354753),
+        (2, 3),
+        0.05,
+        0.698132,
+        (-0.15123, 0.16819, 1.67494),
+        (-0.00948, 0.24278, 0.25145),
+        0.000777,
+    ),
+    (
+        "ruu4",
+        (-2.717861, -0.60295, -0.667693, 1.369466),
+        (3, 4),
+        0.01,
+        1.22173,
+        (0.19034, -0.12772, -0.56058, -0.06029),
+        (0.18093, -0.09871, -0.56312, 0.30774),
+        1.86e-05,
+    ),
+]
+RPR = [
+    ((17, 2.834794, 5.789814), 0.349066, (4.92415, -16.27122, 0.88233), (7.51525, -15.24864, 0.88760), 168.19),
+    ((17, 15.922556, 6.285145), 1.745329, (-16.98527, -0.70761, 0.00079), (-16.28993, 4.86193, -0.28980), 429.74),
+]
+
+PRINTED = 1.5e-5
+"""rad or length: poses are printed with 5 digits, centres with 6; near a cusp a pose moves farther than the joints."""
+
+
+@pytest.mark.parametrize(("name", "centre", "joints", "radius", "start", "before", "after", "det"), ROBOTS)
+def test_a_shipped_robot_changes_its_assembly_mode(name, centre, joints, radius, start, before, after, det):
+    found = irs.certify_loop(circle(centre, joints, radius, start), name, before)
+    assert found.certified
+    assert found.closed
+    assert found.changed
+    assert found.working_mode_kept
+    assert found.start == pytest.approx(before, abs=PRINTED)
+    assert found.end == pytest.approx(after, abs=PRINTED)
+    rods = irs.make_robot(name).mechanism.geometry.l2 ** len(centre)  # unit screws against halved closure rows
+    assert found.smallest_det * rods == pytest.approx(det, rel=3e-3)  # three digits are printed
+    assert found.smallest_type2 > 0.0
+    assert irs.make_robot(name).cuspidal.answer == "yes"
+
+
+@pytest.mark.parametrize(("centre", "start", "before", "after", "det"), RPR)
+def test_the_3rpr_changes_its_assembly_mode(centre, start, before, after, det):
+    s = algebra.predefined("3rpr")
+    found = irs.certify_loop(circle(centre, (2, 3), 0.3, start), s, before)
+    assert found.certified
+    assert found.changed
+    assert found.start == pytest.approx(before, abs=PRINTED)
+    assert found.end == pytest.approx(after, abs=PRINTED)
+    assert found.smallest_det / 8.0 == pytest.approx(det, abs=0.006)  # three rows, each twice the halved one
+    ends = algebra.configurations(
+        s, dict(zip(s.joints, circle(centre, (2, 3), 0.3, start)[0].round(9).tolist(), strict=True))
+    )
+    rows = np.array([list(c.pose.values()) for c in ends])
+    assert min(np.abs(rows - found.start).max(axis=1)) < 1e-5
+    assert min(np.abs(rows - found.end).max(axis=1)) < 1e-5
+
+
+def test_a_loop_about_no_cusp_comes_back():
+    s = algebra.predefined("3rpr")
+    start = algebra.configurations(s, {"rho1": 17, "rho2": 20, "rho3": 20})[0].pose
+    found = irs.certify_loop(circle((17, 19.5, 20), (2, 3), 0.5, 0.0, 90), s, start)
+    assert (found.certified, found.closed, found.changed) == (True, True, False)
+
+
+def test_a_path_through_a_singularity_is_not_certified():
+    """From 6 solutions to none: every branch ends."""
+    s = algebra.predefined("3rpr")
+    for start in algebra.configurations(s, {"rho1": 17, "rho2": 15, "rho3": 15})[:2]:
+        found = irs.certify_loop([(17, 15, 15), (17, 15, 44)], s, start.pose)
+        assert not found.certified
+        assert found.lost_at == 0
+
+
+def test_robots_of_two_mirror_modes_are_not_cuspidal():
+    for name in irs.robots():
+        expected = "yes" if name in ("rrr3_base", "ruu4") else "no"
+        assert irs.make_robot(name).cuspidal.answer == expected
+        assert irs.make_robot(name).cuspidal.reason
+    assert irs.make_robot("rrr3_base", l1=0.5).cuspidal.answer == "unknown"
+
+
+def test_bad_paths_are_refused():
+    for path in ([], [(1, 2)], [(1, 2, 3)], [(1, 2, 3), (1, 2, float("nan"))], "x", [("a", "b", "c")] * 2):
+        with pytest.raises(irs.BadInput):
+            irs.certify_loop(path, "rrr3_base")
+    with pytest.raises(irs.BadInput, match="start pose"):
+        irs.certify_loop([(1, 2, 3), (1, 2, 4)], algebra.predefined("3rpr"))
+    with pytest.raises(irs.BadInput, match="lacks"):
+        irs.certify_loop([(17, 15, 15), (17, 15, 16)], algebra.predefined("3rpr"), {"x": 1.0})

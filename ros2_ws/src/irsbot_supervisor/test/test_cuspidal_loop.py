@@ -1,0 +1,50 @@
+"""A loop about a cusp under supervision: the assembly mode changes, no margin falls, the branch is known."""
+
+from __future__ import annotations
+
+import numpy as np
+from supervised import feed, sample, settings_of, supervisor_of
+
+from irsbot_kinematics import Status
+from irsbot_kinematics.loops import certify_loop, circle
+from irsbot_msgs_py.records import Level
+
+CENTRE, RADIUS_RAD, START_RAD = (-0.750995, 3.180521, -0.321021), 0.1, 5.235988
+BEFORE, AFTER = (0.08076, 0.03511, 1.22907), (0.21813, -0.10313, 1.77226)
+"""m, m, rad: poses of rrr3_base at the same joints, printed in docs/algebra.md."""
+SAMPLES = 3000
+LIMITS = {"type2_stop": 0.05, "type2_warn": 0.08, "type1_stop": 0.05, "type1_warn": 0.1}
+"""Below the margins of the loop, 0.129 and 0.357."""
+
+
+def label_of(robot, joints):
+    """The assembly mode whose pose is BEFORE."""
+    found = [(mode, robot.mechanism.posture(tuple(joints), mode)) for mode in robot.mechanism.assembly_modes]
+    return min(
+        (mode for mode, at in found if at.status == Status.SOLVED and np.abs(np.subtract(at.pose, BEFORE)).max() < 1e-4)
+    )
+
+
+def test_the_supervisor_knows_the_branch_after_a_change_of_assembly_mode_without_singularity():
+    path = circle(CENTRE, (2, 3), RADIUS_RAD, START_RAD, SAMPLES)
+    _settings, robot = settings_of("rrr3_base")
+    label = label_of(robot, path[0])
+    supervisor = supervisor_of("rrr3_base", working_mode=[-1, 1, 1], assembly_mode=label, **LIMITS)
+    names = supervisor.settings.joint_names
+    rates = np.gradient(path, 1e-3, axis=0)
+    feed(supervisor, [sample(ms, tuple(path[0].tolist()), names=names) for ms in range(-200, 0)])
+    states = [
+        supervisor.step(sample(ms, tuple(q.tolist()), tuple(rate.tolist()), names=names)).state
+        for ms, (q, rate) in enumerate(zip(path, rates, strict=True))
+    ]
+    assert {state.level for state in states} <= {Level.OK}
+    assert states[0].joint_position == states[-1].joint_position
+    np.testing.assert_allclose(states[0].pose, BEFORE, atol=1.5e-5)
+    np.testing.assert_allclose(states[-1].pose, AFTER, atol=1.5e-5)
+    assert min(state.type2_margin for state in states) > 0.12
+    proved = certify_loop([*path[::10].tolist(), path[-1].tolist()], "rrr3_base", BEFORE)
+    assert proved.certified
+    assert proved.changed
+    np.testing.assert_allclose(proved.end, states[-1].pose, atol=1e-9)
+    # The labels of one posture alone do not tell: the same label at the same joints is where the robot came from.
+    np.testing.assert_allclose(robot.mechanism.posture(tuple(path[-1]), label).pose, BEFORE, atol=1.5e-5)
