@@ -146,12 +146,13 @@ class Estimator:
         age = sample.received_ns - sample.stamp_ns
         if age < 0 or self._leads.any:  # a sender whose clock is ahead: its samples are older than they say
             age += round(self._leads.second(sample.seen_ns, max(-age, 0), LEAD_NS))
+        velocities = self._reported.look(sample, speeds)
+        speeds = self._reported.trusted(sample, velocities, speeds)
         if suspicion.speeds:  # a joint whose position may be frozen may move as it says
             speeds = Speeds(
                 tuple(map(max, speeds.forward, suspicion.speeds)),
                 tuple([max(speed, -said) for speed, said in zip(speeds.backward, suspicion.speeds, strict=True)]),
             )
-        velocities = self._reported.look(sample, speeds)
         estimate = Estimate(
             sample.stamp_ns,
             sample.received_ns,
@@ -159,7 +160,7 @@ class Estimator:
             sample.position,
             velocities.rates,
             sample.effort,
-            self._reported.trusted(sample, velocities, speeds),
+            speeds,
             degraded or velocities.fault,
             expected_s + (age / S if age > 0 else 0.0),
             expected_s,
