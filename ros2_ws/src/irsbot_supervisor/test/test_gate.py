@@ -146,12 +146,12 @@ def test_a_command_near_a_limit_is_cut_the_more_the_older_the_newest_sample_is()
     guided = standing("irsbot2", good_posture("irsbot2", 0))
     limits = np.array(guided.settings.velocity_limit)
     direction = np.random.default_rng(0).normal(size=len(limits))
-    wanted = tuple(limits * direction / np.abs(direction).max())
+    wanted = tuple(0.3 * limits * direction / np.abs(direction).max())  # a heartbeat of braking makes it rest
     assert any(guided.beat(wanted).text for _ in range(150)), "the run met no limit: it proves nothing"
     view = guided.supervisor.view
     assert view is not None
     shares = []
-    for age_ms in (0.0, 20.0, 40.0):
+    for age_ms in (0.0, 1.0, 2.0):
         aged = view.aged(view.seen_ns + round(age_ms * 1e6))
         assert aged.ahead_s == pytest.approx(view.ahead_s + 1e-3 * age_ms)
         allowed = Gate(guided.settings, guided.supervisor.robot.mechanism).velocity(wanted, aged).rates
