@@ -9,7 +9,7 @@ s_i near_i and its length grows by s_i growth_i; the rest of both is at most asi
 displacement and turn of the platform and a_i the change of the rod as a vector, the rod's length says exactly
 
     row_i . (d, t) = s_i (r_i . near_i + growth_i) + rest_i,
-    rest_i = r_i . aside_i + growth_aside_i - r_i . c_i t^2/2 - (|a_i|^2 - growth^2)/(2 rod_i)
+    rest_i = r_i . aside_i + growth_aside_i + r_i . c_i t^2/2 - (|a_i|^2 - growth^2)/(2 rod_i)
 
 up to |c_i| t^3/6, with the full growth of the rod in the last term, which is no more than |a_i|: that term
 lies between -|a_i|^2/(2 rod_i) and 0. So every rest_i has a range, m_i its middle and h_i half of its width. The rows
@@ -112,7 +112,7 @@ def reached(at: Posture, rods: Sequence[Rod], span: float = 0.0) -> Reached | No
             change = length + D + radius * T + square * radius + rod.aside
             low, high = -0.5 * change * change / rod.length - rod.growth_aside, rod.growth_aside
             # What has a known sign pulls or pushes at most as far as this, and at least not at all.
-            for part in (-square * tilt, -rod.bend):
+            for part in (square * tilt, -rod.bend):
                 low, high = low + min(part, 0.0), high + max(part, 0.0)
             half = 0.5 * (high - low) + (rod.aside if rod.uncertain is None else rod.uncertain)
             half += radius * square * most / 3.0
