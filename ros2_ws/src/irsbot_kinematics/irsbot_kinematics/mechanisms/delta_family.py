@@ -292,7 +292,7 @@ class DeltaFamily(Mechanism):
         return [Errors(self._off_rail(q, t, slack_m), slack_m, 0.0) for q, t in zip(joints, travel, strict=True)]
 
     def rail_errors(self, at: Posture, slack_m: float, slid: Sequence[float] = (0.0,) * 3) -> list[float]:
-        """m by which each rail is off where the platform point is nearest to it, and `slid` m to both sides of there."""
+        """m by which each rail is off where the platform point is nearest to it, and up to `slid` m from there."""
         return [
             self._off_rail(q - self.rod * sine, along, slack_m)
             for q, sine, along in zip(at.joints, at.sines, slid, strict=True)
@@ -315,8 +315,10 @@ class DeltaFamily(Mechanism):
         met = reached(at, rods) if min(travel) >= 0.0 else None
         if met is None:
             return self._nothing
-        slid = [sum([abs(_along(move, u)) for move in met.moves]) + met.aside for _, u in self.rails]
-        off_rails = self.rail_errors(at, slack_m, slid) if slack_m else (0.0,) * 3
+        off_rails: Sequence[float] = (0.0,) * 3
+        if slack_m:
+            slid = [sum([abs(_along(move, u)) for move in met.moves]) + met.aside for _, u in self.rails]
+            off_rails = self.rail_errors(at, slack_m, slid)
         type1 = []
         for (o, u), off, sine in zip(self.rails, off_rails, at.type1, strict=True):
             moves = [_across(move, u) for move in met.moves]

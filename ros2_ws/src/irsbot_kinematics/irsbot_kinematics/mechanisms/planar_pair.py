@@ -252,12 +252,12 @@ class PlanarPair(Mechanism):
 
     def guarantee_sharp(self, at: Posture, travel: Sequence[float], slack_m: float = 0.0) -> Guarantee:
         """To second order, in closed form. Along v = C_2 - C_1 and across it, to first order the elbows move by x_j and
-        y_j with joint j, by `rest` on top. Both rods turn with v, by y/d, and against each other, as cos gamma = d/(2 l2)
-        asks; `error` bounds what is left of both turns. The platform point goes with elbow and rod of one leg, and the
-        Type 1 sines follow from its distances from the feet.
+        y_j with joint j, by `rest` on top. Both rods turn with v, by y/d, and against each other, as cos gamma =
+        d/(2 l2) asks; `error` bounds what is left of both turns. The platform point goes with elbow and rod of one leg,
+        and the Type 1 sines follow from its distances from the feet.
 
-        A leg whose geometry is off has its rod, and its crank, where one with exact lengths would have them if its elbow
-        and foot were off by all its errors together."""
+        A leg whose geometry is off has its rod, and its crank, where one with exact lengths would have them if its
+        elbow and foot were off by all its errors together."""
         b0, e, l1, l2 = self.loop
         (r1x, r1z), (r2x, r2z) = at.screws
         q1, q2 = at.joints
@@ -311,8 +311,8 @@ class PlanarPair(Mechanism):
     def constraint_over(
         self, at: Posture, turns: tuple[tuple[float, float], tuple[float, float]], rests: tuple[float, float]
     ) -> float:
-        """Lower bound of the constraint margin while rod k turns by s_1 turns[k][0] + s_2 turns[k][1], s_j in -1..1, and
-        by rests[k] on top, rad."""
+        """Lower bound of the constraint margin while rod k turns by s_1 turns[k][0] + s_2 turns[k][1], s_j in -1..1,
+        and by rests[k] on top, rad."""
         turn = sum([abs(a) + abs(b) + rest for (a, b), rest in zip(turns, rests, strict=True)])
         return self.constraint_guarantee(at.parts, turn)
 
