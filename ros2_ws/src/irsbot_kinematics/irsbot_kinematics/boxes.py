@@ -184,6 +184,8 @@ def type2_over(at: Posture, changes: Sequence[Change], span: float) -> float:
         spread = scale / rods * (_several([all_rows[k] for k in others]) + sum([rest[k] for k in others]))
         if n > 3:  # differences of a cubic contain its cube
             spread += scale / rods * prod([changes[k].most for k in others])
+        if not speed > 0.0:  # det is 0, but for rounding
+            return 0.0
         along = [_dot(v, slope[i]) / speed for slope in slopes]
         shortest = speed - sum(map(abs, along))
         if not shortest > 0.0:
@@ -218,12 +220,18 @@ def least_singular(matrix: Sequence[Floats], ways: Sequence[Sequence[Floats]], r
     """
     values, sizes = [], [sum([x * x + y * y for x, y in way]) for way in ways]
     for corner in product((-1.0, 1.0), repeat=len(ways)):
-        a = b = c = 0.0
+        a = b = c = square = 0.0
+        columns: list[tuple[float, float]] = []
         for k, (x, y) in enumerate(matrix):
             for s, way in zip(corner, ways, strict=True):
                 x, y = x + s * way[k][0], y + s * way[k][1]
             a, b, c = a + x * x, b + x * y, c + y * y
-        values.append(0.5 * (a + c - hypot(a - c, 2.0 * b)))
+            for u, v in columns:
+                square += (u * y - v * x) ** 2
+            columns.append((x, y))
+        # the product of both eigenvalues, without cancellation, over the larger one
+        larger = 0.5 * (a + c + hypot(a - c, 2.0 * b))
+        values.append(square / larger if larger > 0.0 else 0.0)
     least = _least_of_two(values, sizes) if len(ways) == 2 else min(values) - sum(sizes)
     left = (sqrt(least) if least > 0.0 else 0.0) - rest
     return left if left > 0.0 else 0.0
