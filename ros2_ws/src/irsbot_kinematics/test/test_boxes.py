@@ -90,6 +90,29 @@ def test_no_margin_in_a_box_is_below_its_bound_and_the_branch_is_kept(name):
     assert nearest < 1e-5
 
 
+def test_planar_loops_of_any_proportions_stay_above_their_bounds():
+    """Cranks much longer than the rods, too, whose ends swing across the line between them."""
+    rng, s, promised, used = np.random.default_rng(44), np.array(list(product((-1.0, 0.0, 1.0), repeat=2))), 0, []
+    for _ in range(400):
+        l1, l2, b = (10.0 ** rng.uniform([-0.5, -1.5, -1.5], [0.5, 0.0, 0.5])).tolist()
+        robot = irs.make_robot("five_bar", l1=l1, l2=l2, b=min(b, 0.9 * (l1 + l2)))
+        for q in rng.uniform(-np.pi, np.pi, (60, 2)).tolist():
+            at = robot.mechanism.posture(tuple(q), -1)
+            if at.status == irs.Status.SOLVED and at.type2 > 0.02:
+                break
+        else:
+            continue
+        travel = 0.1 * at.type2 * min(1.0, l2 / l1) * 10.0 ** rng.uniform(-2.0, 0.5) * rng.uniform(size=2)
+        bound = robot.mechanism.guarantee_sharp(at, travel.tolist())
+        if bound.type2 > 0.0:
+            promised += 1
+            met = near(robot, at, np.array(at.joints) + s * travel)
+            assert not (margins(met) < numbers(bound) - ROUNDING).any(), (robot.mechanism.geometry, q, travel)
+            used.append((at.type2 - met.type2_margin.min()) / (at.type2 - bound.type2))
+    assert promised > 150
+    assert np.median(used) > 0.9, "the samples are far from the bound"
+
+
 @pytest.mark.parametrize("name", [name for name in NAMES if ROBOTS[name].mechanism.kind == "irsbot2"])
 def test_the_constraint_bound_holds_where_the_margin_is_small_and_falls_fast(name):
     """One joint moves alone, or both, so that one rod turns alone or both alike or against each other."""
