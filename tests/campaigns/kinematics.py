@@ -2,13 +2,14 @@
 
     python tests/campaigns/kinematics.py            # some minutes
     python tests/campaigns/kinematics.py --quick    # seconds; also run by the tests
+    python tests/campaigns/kinematics.py --part sharp
 
 round trip   random poses, every working mode: status against the annuli of both legs, pose against pose
 margins      random designs and postures: Type 1, Type 2 and constraint margins against points, axes, singular values
 loci         presets and random designs: margins along the curves of parallel singularities and at constraint points
 guarantees   random designs, postures and boxes of joints: no margin in a box is below what was promised for it
 geometry     the same for machines of every kind of which every length and place is off, each on its own
-courses      the same for courses of the joints
+sharp        the same for bounds of second order, exact machines and wrong ones in turn; the worst points are searched
 clearances   random designs and postures: no point of a locus of the same working mode is nearer than the clearance
 
 Exit code 1 if anything exceeds its limit.
@@ -20,6 +21,7 @@ import argparse
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -34,6 +36,7 @@ sys.path[:0] = [str(PACKAGE), str(PACKAGE / "test/oracles")]
 import irsbot2_3d as space  # noqa: E402
 import singular_points as loci  # noqa: E402
 import wrong_geometry as wrong  # noqa: E402
+from postures import joint_range  # noqa: E402
 
 import irsbot_kinematics as irs  # noqa: E402
 from irsbot_kinematics.arithmetic import ARRAYS  # noqa: E402
@@ -46,9 +49,14 @@ LIMIT = 1e-9
 """m, or 1 for margins: the largest error that passes."""
 BOUNDARY_M = 1e-6
 """m: poses nearer than this to a singularity are classified, but their error does not count."""
-BESIDE = (0.0, 0.1, 1.0)
-"""1: shares of the length of a course by which the joints may be beside it."""
+LEAST_TYPE2 = 1e-3
+"""1: where less is promised, a machine may come so near to Type 2 that Newton's method does not close it."""
+ROUNDS = 3
+"""How often the search for the worst point of a box goes on from the worst points found."""
 PRESETS = ("irsbot2", "irsbot2_beta45", "irsbot2_csc", "irsbot2_strict")
+
+
+PARTS = ("round trip", "margins", "loci", "guarantees", "geometry", "sharp", "clearances")
 
 
 @dataclass
@@ -61,6 +69,8 @@ class Result:
     """Largest error, m or 1."""
     wrong: int = 0
     """Cases classified differently, or promises broken."""
+    boxes: int = 0
+    """Boxes in which something was promised, and attacked."""
 
     @property
     def passed(self) -> bool:
@@ -196,32 +206,26 @@ def singular_loci(designs: int, points: int, seed: int, tick: Tick) -> Result:
 # --- guarantees ---
 
 
-def guarantees(designs: int, postures: int, samples: int, seed: int, tick: Tick, *, along: bool = False) -> Result:
-    """Corners and inner points of random boxes; `along`: ends and inner points of random courses, and what joints may
-    be beside them. `worst` stays 0: what counts is that no promise is broken."""
-    result, rng = Result("courses" if along else "guarantees"), np.random.default_rng(seed)
+def guarantees(designs: int, postures: int, samples: int, seed: int, tick: Tick) -> Result:
+    """Corners and inner points of random boxes. `worst` stays 0: what counts is that no promise is broken."""
+    result, rng = Result("guarantees"), np.random.default_rng(seed)
     for _ in range(designs):
         robot, d = random_design(rng)
         for assembly, q in _assembled(d, postures, rng):
             for centre in q:
                 at = robot.mechanism.posture(tuple(centre.tolist()), assembly)
-                size = 10.0 ** rng.uniform(-5.0, -0.5)
-                half = along * size * rng.uniform(-1.0, 1.0, 2)
-                travel = size * rng.uniform(0.0, 1.0, 2) * (rng.choice(BESIDE) if along else 1.0)
-                if along:
-                    bound = robot.mechanism.guarantee_along(at, half.tolist(), travel.tolist())
-                else:
-                    bound = robot.mechanism.guarantee(at, travel.tolist())
-                if bound.type2 > 0.0:
-                    points = (
-                        centre + _ends_and_inner(rng, samples, 1) * half + _ends_and_inner(rng, samples, 2) * travel
-                    )
-                    result.count(samples, np.empty(0), _broken(d, points, assembly, bound))
+                travel = 10.0 ** rng.uniform(-5.0, -0.5) * rng.uniform(0.0, 1.0, 2)
+                points = centre + travel * _corners_and_inner(rng, samples, 2)
+                for promise in (robot.mechanism.guarantee, robot.mechanism.guarantee_sharp):
+                    bound = promise(at, travel.tolist())
+                    if bound.type2 > 0.0:
+                        result.boxes += 1
+                        result.count(samples, np.empty(0), _broken(d, points, assembly, bound))
         tick(1)
     return result
 
 
-def _ends_and_inner(rng: np.random.Generator, samples: int, size: int) -> Array:
+def _corners_and_inner(rng: np.random.Generator, samples: int, size: int) -> Array:
     """(samples, size) numbers in -1..1, half of them -1 or 1."""
     inner = rng.uniform(-1.0, 1.0, (samples, size))
     return np.where(rng.uniform(size=inner.shape) < 0.5, np.sign(inner), inner)
@@ -255,11 +259,70 @@ def geometry(machines: int, postures: int, seed: int, tick: Tick) -> Result:
             travel = rng.integers(0, 2) * wrong.random_travel(robot, at, rng)
             bound = robot.mechanism.guarantee(at, travel.tolist(), slack)
             if bound.type2 > 0.0:
+                result.boxes += 1
                 met = wrong.margins(robot, at, *wrong.attacks(robot, at, travel, slack, rng))
                 kept = wrong.columns(met) >= wrong.columns(bound)[0] - LIMIT
                 result.count(len(kept), np.empty(0), ~kept.all(axis=1))
         tick(1)
     return result
+
+
+# --- sharp ---
+
+
+def sharp(machines: int, postures: int, seed: int, tick: Tick) -> Result:
+    """Shipped robots and others of their kinds in turn, exact and wrong in turn. `worst` is by how much a margin is
+    below its bound at most."""
+    result, rng, names = Result("sharp"), np.random.default_rng(seed), irs.robots()
+    for number in range(machines):
+        robot = irs.make_robot(names[number // 2 % len(names)])
+        if number % 2:
+            robot = wrong.random_machine(robot.mechanism.kind, rng)
+        lower, upper = joint_range(robot)
+        for turn in range(postures):
+            at = wrong.some_posture(robot, rng)
+            if at is None:
+                continue
+            travel = (upper - lower) * 10.0 ** rng.uniform(-5.0, -1.0) * rng.uniform(0.0, 1.0, len(lower))
+            travel = np.minimum(travel, np.minimum(np.array(at.joints) - lower, upper - np.array(at.joints)))
+            slack = turn % 2 * robot.mechanism.length_m * 10.0 ** rng.uniform(-6.0, -2.3)
+            bound = robot.mechanism.guarantee_sharp(at, travel.tolist(), slack)
+            if bound.type2 > LEAST_TYPE2:
+                result.boxes += 1
+                below = wrong.columns(bound)[0] - _searched(robot, at, travel, slack, rng)
+                result.count(len(below), np.maximum(below, 0.0).max(axis=1), (below > LIMIT).any(axis=1))
+        tick(1)
+    return result
+
+
+def _searched(robot: irs.Robot, at: irs.Posture, travel: Array, slack: float, rng: np.random.Generator) -> Array:
+    """(N, margins) margins at corners, inner points, and where steps downhill from the worst points lead."""
+    n, k = len(travel), wrong.number_of_errors(robot) if slack else 0
+    limits = np.concatenate([travel, np.full(k, slack)])
+
+    def met(points: Array) -> Array:
+        errors = np.zeros((len(points), wrong.number_of_errors(robot)))
+        errors[:, : k or None] = points[:, n:] * slack if k else 0.0
+        return wrong.columns(wrong.margins(robot, at, points[:, :n] * travel, errors))
+
+    step = 1e-4 * np.eye(n + k)[limits > 0.0]
+    corners = np.array(list(product((-1.0, 1.0), repeat=n)))
+    points = np.concatenate([np.zeros((1, n + k)), _corners_and_inner(rng, len(corners) + 16, n + k)])
+    points[1 : 1 + len(corners), :n] = corners
+    found = [met(points)]
+    for _ in range(ROUNDS):
+        worst = points[found[-1].argmin(axis=0)]  # one per margin
+        around = worst[:, None] + np.concatenate([0.0 * step[:1], step])
+        values = met(around.reshape(-1, n + k)).reshape(*around.shape[:2], -1)
+        values = np.stack([values[:, :, i][i] for i in range(len(worst))])
+        downhill = np.zeros_like(worst)
+        downhill[:, limits > 0.0] = values[:, :1] - values[:, 1:]
+        downhill /= np.maximum(np.abs(downhill).max(axis=1, keepdims=True), 1e-300)
+        steps = 10.0 ** np.array([-2.0, -1.0, 0.0, 6.0])  # the last one leads to a corner
+        points = np.clip(worst + steps[:, None, None] * downhill, -1.0, 1.0).reshape(-1, n + k)
+        points = np.concatenate([worst, points])
+        found.append(met(points))
+    return np.concatenate(found)
 
 
 # --- clearances ---
@@ -290,8 +353,8 @@ def clearances(designs: int, postures: int, points: int, seed: int, tick: Tick) 
     return result
 
 
-def run(quick: bool, seed: int, progress: Progress | None = None) -> list[Result]:
-    """All parts; `quick` is a thousandth of the work."""
+def run(quick: bool, seed: int, progress: Progress | None = None, only: str | None = None) -> list[Result]:
+    """All parts, or one; `quick` is a thousandth of the work."""
     poses, designs, postures, points = (4_000, 40, 60, 200) if quick else (1_000_000, 2_000, 300, 4_000)
     parts: list[tuple[str, int, Callable[[Tick], Result]]] = [
         ("round trip", poses, lambda tick: round_trip(poses, seed, tick)),
@@ -299,15 +362,13 @@ def run(quick: bool, seed: int, progress: Progress | None = None) -> list[Result
         ("loci", designs // 4 + len(PRESETS), lambda tick: singular_loci(designs // 4, points, seed + 2, tick)),
         ("guarantees", designs // 4, lambda tick: guarantees(designs // 4, postures // 4, 60, seed + 3, tick)),
         ("geometry", designs, lambda tick: geometry(designs, postures // 20, seed + 6, tick)),
-        (
-            "courses",
-            designs // 4,
-            lambda tick: guarantees(designs // 4, postures // 4, 60, seed + 5, tick, along=True),
-        ),
+        ("sharp", designs, lambda tick: sharp(designs, postures // 20, seed + 5, tick)),
         ("clearances", designs // 4, lambda tick: clearances(designs // 4, postures, points // 2, seed + 4, tick)),
     ]
     results = []
     for name, total, part in parts:
+        if only not in (None, name):
+            continue
         task = progress.add_task(name, total=total) if progress else None
 
         def tick(done: int, task: object = task) -> None:
@@ -321,16 +382,18 @@ def run(quick: bool, seed: int, progress: Progress | None = None) -> list[Result
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="a short version")
+    parser.add_argument("--part", choices=PARTS, help="one part alone")
     parser.add_argument("--seed", type=int, default=1, help="other numbers, same statement")
     options = parser.parse_args()
     console = Console()
     with Progress(console=console) as progress:
-        results = run(options.quick, options.seed, progress)
-    table = Table("part", "cases", "largest error", "wrong", "")
+        results = run(options.quick, options.seed, progress, options.part)
+    table = Table("part", "cases", "boxes", "largest error", "wrong", "")
     for result in results:
         table.add_row(
             result.name,
             f"{result.cases:,}",
+            f"{result.boxes:,}" if result.boxes else "",
             f"{result.worst:.2e}",
             str(result.wrong),
             "ok" if result.passed else "FAILED",

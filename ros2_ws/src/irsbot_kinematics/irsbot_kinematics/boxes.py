@@ -9,7 +9,7 @@ s_i near_i and its length grows by s_i growth_i; the rest of both is at most asi
 displacement and turn of the platform and a_i the change of the rod as a vector, the rod's length says exactly
 
     row_i . (d, t) = s_i (r_i . near_i + growth_i) + rest_i,
-    rest_i = r_i . aside_i + growth_aside_i - r_i . c_i t^2/2 - (|a_i|^2 - growth^2)/(2 rod_i)
+    rest_i = r_i . aside_i + growth_aside_i + r_i . c_i t^2/2 - (|a_i|^2 - growth^2)/(2 rod_i)
 
 up to |c_i| t^3/6, with the full growth of the rod in the last term, which is no more than |a_i|: that term
 lies between -|a_i|^2/(2 rod_i) and 0. So every rest_i has a range, m_i its middle and h_i half of its width. The rows
@@ -112,7 +112,7 @@ def reached(at: Posture, rods: Sequence[Rod], span: float = 0.0) -> Reached | No
             change = length + D + radius * T + square * radius + rod.aside
             low, high = -0.5 * change * change / rod.length - rod.growth_aside, rod.growth_aside
             # What has a known sign pulls or pushes at most as far as this, and at least not at all.
-            for part in (-square * tilt, -rod.bend):
+            for part in (square * tilt, -rod.bend):
                 low, high = low + min(part, 0.0), high + max(part, 0.0)
             half = 0.5 * (high - low) + (rod.aside if rod.uncertain is None else rod.uncertain)
             half += radius * square * most / 3.0
@@ -184,6 +184,8 @@ def type2_over(at: Posture, changes: Sequence[Change], span: float) -> float:
         spread = scale / rods * (_several([all_rows[k] for k in others]) + sum([rest[k] for k in others]))
         if n > 3:  # differences of a cubic contain its cube
             spread += scale / rods * prod([changes[k].most for k in others])
+        if not speed > 0.0:  # det is 0, but for rounding
+            return 0.0
         along = [_dot(v, slope[i]) / speed for slope in slopes]
         shortest = speed - sum(map(abs, along))
         if not shortest > 0.0:
@@ -218,12 +220,18 @@ def least_singular(matrix: Sequence[Floats], ways: Sequence[Sequence[Floats]], r
     """
     values, sizes = [], [sum([x * x + y * y for x, y in way]) for way in ways]
     for corner in product((-1.0, 1.0), repeat=len(ways)):
-        a = b = c = 0.0
+        a = b = c = square = 0.0
+        columns: list[tuple[float, float]] = []
         for k, (x, y) in enumerate(matrix):
             for s, way in zip(corner, ways, strict=True):
                 x, y = x + s * way[k][0], y + s * way[k][1]
             a, b, c = a + x * x, b + x * y, c + y * y
-        values.append(0.5 * (a + c - hypot(a - c, 2.0 * b)))
+            for u, v in columns:
+                square += (u * y - v * x) ** 2
+            columns.append((x, y))
+        # the product of both eigenvalues, without cancellation, over the larger one
+        larger = 0.5 * (a + c + hypot(a - c, 2.0 * b))
+        values.append(square / larger if larger > 0.0 else 0.0)
     least = _least_of_two(values, sizes) if len(ways) == 2 else min(values) - sum(sizes)
     left = (sqrt(least) if least > 0.0 else 0.0) - rest
     return left if left > 0.0 else 0.0

@@ -22,7 +22,7 @@ def results():
     return {result.name: result for result in kinematics.run(quick=True, seed=5)}
 
 
-PARTS = ["round trip", "margins", "loci", "guarantees", "geometry", "courses", "clearances"]
+PARTS = ["round trip", "margins", "loci", "guarantees", "geometry", "sharp", "clearances"]
 
 
 @pytest.mark.parametrize("part", PARTS)

@@ -127,18 +127,18 @@ class Optimistic(Orthoglide):
         return bound._replace(type2=min(at.type2, 1.2 * bound.type2))
 
 
-class OptimisticAlong(Orthoglide):
-    """Believes that the joints never leave the straight course."""
+class OptimisticSharp(Orthoglide):
+    """Believes that the joints move half as far as they may."""
 
-    def guarantee_along(self, at, half, beside, slack_m=0.0):
-        return super().guarantee_along(at, half, (0.0, 0.0, 0.0), slack_m)
+    def guarantee_sharp(self, at, travel, slack_m=0.0):
+        return super().guarantee_sharp(at, [0.5 * t for t in travel], slack_m)
 
 
-class PromisesUnknownCourses(Orthoglide):
-    def guarantee_along(self, at, half, beside, slack_m=0.0):
-        if any(h == float("-inf") for h in half):
+class PromisesUnknownSharp(Orthoglide):
+    def guarantee_sharp(self, at, travel, slack_m=0.0):
+        if any(t == float("inf") for t in travel):
             return Guarantee(at.type1, at.type2, at.constraint, at.limb)
-        return super().guarantee_along(at, half, beside, slack_m)
+        return super().guarantee_sharp(at, travel, slack_m)
 
 
 class PromisesUnknown(Orthoglide):
@@ -204,9 +204,9 @@ WRONG = {
     HalfOfTheAssemblies: "direct gives back",
     NoBias: "direct rates and bias",
     Optimistic: "guarantee is kept",
-    OptimisticAlong: "course guarantee is kept",
+    OptimisticSharp: "sharp guarantee is kept",
     PromisesUnknown: "unknown is unknown",
-    PromisesUnknownCourses: "unknown is unknown",
+    PromisesUnknownSharp: "unknown is unknown",
     BelievesNan: "unknown is unknown",
     PromisesNothing: "guarantee says something",
     TooClear: "clearance is kept",

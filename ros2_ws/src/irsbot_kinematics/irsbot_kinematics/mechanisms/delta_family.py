@@ -295,9 +295,12 @@ class DeltaFamily(Mechanism):
         """What a geometry that is off by slack_m does to every leg while its slide is within `travel` of its joint."""
         return [Errors(self._off_rail(q, t, slack_m), slack_m, 0.0) for q, t in zip(joints, travel, strict=True)]
 
-    def rail_errors(self, at: Posture, slack_m: float) -> list[float]:
-        """m by which each rail is off where the platform point is nearest to it."""
-        return [self._off_rail(q - self.rod * sine, 0.0, slack_m) for q, sine in zip(at.joints, at.sines, strict=True)]
+    def rail_errors(self, at: Posture, slack_m: float, slid: Sequence[float] = (0.0,) * 3) -> list[float]:
+        """m by which each rail is off where the platform point is nearest to it, and up to `slid` m from there."""
+        return [
+            self._off_rail(q - self.rod * sine, along, slack_m)
+            for q, sine, along in zip(at.joints, at.sines, slid, strict=True)
+        ]
 
     def _off_rail(self, q: float, travel: float, slack_m: float) -> float:
         """m by which a point of a rail is off whose ends are off by sqrt(3) slack_m: no more between the ends, beyond
@@ -316,7 +319,10 @@ class DeltaFamily(Mechanism):
         met = reached(at, rods) if min(travel) >= 0.0 else None
         if met is None:
             return self._nothing
-        off_rails = self.rail_errors(at, slack_m) if slack_m else (0.0,) * 3
+        off_rails: Sequence[float] = (0.0,) * 3
+        if slack_m:
+            slid = [sum([abs(_along(move, u)) for move in met.moves]) + met.aside for _, u in self.rails]
+            off_rails = self.rail_errors(at, slack_m, slid)
         type1 = []
         for (o, u), off, sine in zip(self.rails, off_rails, at.type1, strict=True):
             moves = [_across(move, u) for move in met.moves]
@@ -360,5 +366,10 @@ class DeltaFamily(Mechanism):
 def _across(way: Iterable[float], u: Vector) -> tuple[float, ...]:
     """The part of a vector that is normal to a unit vector."""
     x, y, z = way
-    along = x * u[0] + y * u[1] + z * u[2]
+    along = _along((x, y, z), u)
     return x - along * u[0], y - along * u[1], z - along * u[2]
+
+
+def _along(way: Sequence[float], u: Vector) -> float:
+    """The part of a vector along a unit vector."""
+    return way[0] * u[0] + way[1] * u[1] + way[2] * u[2]

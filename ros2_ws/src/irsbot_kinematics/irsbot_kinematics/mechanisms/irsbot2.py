@@ -149,12 +149,12 @@ class Irsbot2(PlanarPair):
             turn = abs(a) + abs(b)
             low, high = _cosines(cosine, down, turn + rest)
             normal = _normal_over(l2, side, c, low, high)
-            if normal is None:
+            x, z = c * (l2 * cosine + side), l2 * down
+            size = hypot(x, z)
+            if normal is None or not size > 0.0:
                 return 0.0
             least, rate, bend = normal
             square += least * least
-            x, z = c * (l2 * cosine + side), l2 * down
-            size = hypot(x, z)
             x, z = x / size, z / size
             slope = c * (l2 + side * cosine) * l2 / (size * size)  # turn of the normal per turn of the rod
             normals.append((c * x, z, -c * z * slope, x * slope, a, b))
@@ -274,7 +274,7 @@ def _normal_over(l2: float, D: float, c: float, low: float, high: float) -> tupl
     p, r, t = l2 * l2 * (c * c - 1.0), 2.0 * c * c * l2 * D, c * c * D * D + l2 * l2
     below = [(p * X + r) * X + t for X in (low, high)]
     small = min(below)
-    if not small > 0.0:
+    if not small * small > 0.0:
         return None
     least = 0.0
     if not low <= -D / l2 <= high:

@@ -256,9 +256,9 @@ class PlanarPair(Mechanism):
 
     def guarantee_sharp(self, at: Posture, travel: Sequence[float], slack_m: float = 0.0) -> Guarantee:
         """To second order, in closed form. Along v = C_2 - C_1 and across it, to first order the elbows move by x_j and
-        y_j with joint j, by `rest` on top. Both rods turn with v, by y/d, and against each other, as cos gamma = d/(2
-        l2) asks; `error` bounds what is left of both turns. The platform point goes with elbow and rod of one leg, and
-        the Type 1 sines follow from its distances from the feet.
+        y_j with joint j, by `rest` on top. Both rods turn with v, by y/d, and against each other, as cos gamma =
+        d/(2 l2) asks; `error` bounds what is left of both turns. The platform point goes with elbow and rod of one leg,
+        and the Type 1 sines follow from its distances from the feet.
 
         A leg whose geometry is off has its rod, and its crank, where one with exact lengths would have them if its
         elbow and foot were off by all its errors together."""

@@ -106,13 +106,15 @@ class Ruu4(CrankPlatform):
     def constraint_margin(self, k: Arithmetic[N], level: Sequence[tuple[N, N]]) -> N:
         """Second singular value of the unit couples' directions over its largest, sqrt 2: 0 iff all are parallel.
 
-        sigma_1^2 sigma_2^2 is the sum of their squared cross products, sigma_1^2 + sigma_2^2 = 4.
+        sigma_1^2 sigma_2^2 is the sum of their squared cross products, sigma_1^2 + sigma_2^2 = 4; sigma_1^2 - sigma_2^2
+        from the matrix itself, because from these two it would have half the digits where it is small.
         """
         (ax, ay), (bx, by), (cx, cy), (dx, dy) = level
         ab, ac, ad = ax * by - ay * bx, ax * cy - ay * cx, ax * dy - ay * dx
         bc, bd, cd = bx * cy - by * cx, bx * dy - by * dx, cx * dy - cy * dx
         product = ab * ab + ac * ac + ad * ad + bc * bc + bd * bd + cd * cd
-        return k.root(0.5 * product / (2.0 + k.root(4.0 - product)))
+        half = 0.5 * (ax * ax + bx * bx + cx * cx + dx * dx - ay * ay - by * by - cy * cy - dy * dy)
+        return k.root(0.5 * product / (2.0 + k.hypot(half, ax * ay + bx * by + cx * cy + dx * dy)))
 
     def closing(self, joints: Sequence[Array], cosine: Array, sine: Array) -> Array:
         """Determinant of the three lines that the differences of the legs' equations leave for P, over size^4."""

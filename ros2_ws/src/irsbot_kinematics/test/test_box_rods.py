@@ -1,0 +1,305 @@
+"""Bounds over boxes of rods of any place and motion: what the mechanisms hand to `reached`, and more."""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from rod_machines import Array, Machine, closed, rows, units
+from scipy.optimize import lsq_linear, minimize
+
+from irsbot_kinematics.boxes import Change, Rod, distances, least_singular, reached, type2_over
+
+ROUNDING = 1e-10
+"""m or 1: the machines are closed with rounding of their own."""
+PLATFORMS = {"two rods": (2, 2), "three in space": (3, 3), "turning": (3, 2), "turning in space": (4, 3)}
+"""Number of rods, dimensions."""
+ANGLES = np.array([0.0, 2.0, 4.0]) * np.pi / 3.0
+WAYS = ("ends", "swings", "pulls", "lengths", "ends aside", "bends", "lengths aside", "off alone", "all")
+
+
+def corners(n: int) -> Array:
+    return np.array(list(product((-1.0, 1.0), repeat=n)))
+
+
+class Box(NamedTuple):
+    """What happens to the rods of a machine, as `Rod` says it, of all of them."""
+
+    machine: Machine
+    near: Array
+    growth: Array
+    growth_aside: Array
+    bend: Array
+    uncertain: Array
+    across: Array
+    """(n,) m by which near ends may be off across their rods, besides"""
+
+    def rods(self):
+        aside = np.abs(self.bend) + self.uncertain + self.across
+        columns = self.near, aside, self.growth, self.growth_aside, self.bend, self.uncertain
+        lists = [column.tolist() for column in (self.machine.length, *columns)]
+        return [Rod(length, tuple(near), *rest) for length, near, *rest in zip(*lists, strict=True)]
+
+    def met(self, s, e, g, b):
+        """s (N, n) in -1..1, b (N, n) in 0..1; e (N, n, m) and g (N, n) of size 1 at most: shares of what may come on
+        top."""
+        r = self.machine.r
+        across = e - np.sum(e * r, axis=2, keepdims=True) * r
+        off = self.uncertain[:, None] * e + self.across[:, None] * across - (self.bend * b)[..., None] * r
+        shift = s[..., None] * self.near + off
+        return closed(self.machine, shift, s * self.growth + self.growth_aside * g)
+
+
+def random_box(rng, rods, dims, way):
+    """Lengths, arms and motions of very different sizes; of half of them the arms lie along the rods, one leg like the
+    other, so that the platform turns much and its arms push or pull the rods."""
+    while True:
+        arms = rng.normal(size=(rods, 2)) * 10.0 ** rng.uniform(-1.0, 1.0) * (rods > dims)
+        r, length = units(rng.normal(size=(rods, dims))), 10.0 ** rng.uniform(-1.0, 1.0, rods)
+        if rods > dims and rng.uniform() < 0.5:
+            angles = rng.uniform(0.0, 7.0) + 2.0 * np.pi * np.arange(rods) / rods
+            arms = np.stack([np.cos(angles), np.sin(angles)], axis=1) * 10.0 ** rng.uniform(-0.1, 0.1, (rods, 1))
+            angles = angles + rng.uniform(0.0, 7.0) + rng.normal(size=rods) * 0.2
+            r[:, :2] = np.stack([np.cos(angles), np.sin(angles)], axis=1) * np.hypot(*r[:, :2].T)[:, None] ** (dims - 2)
+        machine = Machine(units(r), arms, length)
+        if abs(np.linalg.det(np.array(machine.posture.screws))) > 1e-2:
+            break
+    size = 10.0 ** rng.uniform(-3.5, -0.7) * machine.length
+    some = lambda *ways: (way in ways) * size * (rng.uniform(size=rods) < 0.7)  # noqa: E731
+    share = lambda: 10.0 ** rng.uniform(-2.0, 0.5)  # noqa: E731
+    near = rng.normal(size=(rods, dims)) * some("ends", "swings", "pulls", "ends aside", "bends", "all")[:, None]
+    along = np.sum(near * machine.r, axis=1, keepdims=True) * machine.r
+    near = near - along if way == "swings" else along if way == "pulls" else near
+    growth = rng.normal(size=rods) * some("lengths", "lengths aside", "all")
+    growth_aside = share() * some("lengths aside", "all")
+    bend = share() * some("bends", "all") * rng.choice([-1.0, 1.0], rods)
+    uncertain, across = share() * some("ends aside", "off alone", "all"), share() * some("ends aside", "all")
+    return Box(machine, near, growth, growth_aside, bend, uncertain, across)
+
+
+def steepest(box, n, m):
+    """A point (s, e, g, b) with everything where it lowers the Type 2 margin fastest from the middle."""
+    step, k = 0.05, n + n * m + 2 * n
+    ways = step * np.concatenate([np.zeros((1, k)), np.eye(k)])
+    s, e, g, b = np.split(ways, [n, n + n * m, 2 * n + n * m], axis=1)
+    there = box.met(s, e.reshape(-1, n, m), g, b)
+    ds, de, dg, db = np.split(there.type2[0] - there.type2[1:], [n, n + n * m, 2 * n + n * m])
+    down = de.reshape(n, m) / np.maximum(np.linalg.norm(de.reshape(n, m), axis=1, keepdims=True), 1e-12)
+    return np.sign(ds), down, np.sign(dg), 1.0 * (db > 0.0)
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("platform", PLATFORMS)
+def test_rods_of_any_place_and_motion_stay_within_what_is_said_of_a_box(platform, way):
+    """Near ends and lengths anywhere within their bounds, all corners, and where the Type 2 margin falls fastest."""
+    rng, (n, m) = np.random.default_rng(32), PLATFORMS[platform]
+    others, promised, used = 12, 0, np.zeros(3)
+    for _ in range(100 if m < n > 3 else 50):
+        box = random_box(rng, n, m, way)
+        machine = box.machine
+        said = reached(machine.posture, box.rods(), machine.span)
+        if said is None or not said.type2 > 0.0:
+            continue
+        promised += 1
+        s = np.concatenate([corners(n), rng.uniform(-1.0, 1.0, (others, n)), np.zeros((1, n))])
+        e = units(rng.normal(size=(len(s), n, m)))
+        e[::3] = machine.r * np.sign(rng.uniform(-1.0, 1.0, (len(e[::3]), n, 1)))
+        g, b = np.sign(rng.uniform(-1.0, 1.0, s.shape)), np.round(rng.uniform(size=s.shape))
+        start = box.met(0.0 * s[:1], 0.0 * e[:1], 0.0 * g[:1], 0.0 * b[:1])
+        s, e, g, b = (np.concatenate([a, [worst]]) for a, worst in zip((s, e, g, b), steepest(box, n, m), strict=True))
+        found = box.met(s, e, g, b)
+        off = np.linalg.norm(found.move - s @ np.array(said.moves), axis=1)
+        changes = found.r - machine.r - np.einsum("ns,rsm->nrm", s, np.array([rod.ways for rod in said.rods]))
+        rest, most = np.linalg.norm(changes, axis=2), np.array([rod.rest for rod in said.rods])
+        assert (off <= said.aside + ROUNDING).all()
+        assert (rest <= most + 10.0 * ROUNDING).all()
+        assert (found.rod_turns(machine) <= said.turn + 10.0 * ROUNDING).all()
+        assert (found.type2 >= said.type2 - ROUNDING).all()
+        loss = (start.type2 - found.type2) / (start.type2 - said.type2 + 1e-9)
+        used = np.maximum(used, [(off / (said.aside + 1e-9)).max(), (rest / (most + 1e-9)).max(), loss.max()])
+    assert promised > 10, "hardly anything is promised"
+    assert (used > [0.7, 0.7, 0.2]).all(), "what happens is far from what is said of displacement, directions, Type 2"
+
+
+@pytest.mark.parametrize("pull", [0.03, 0.1, 0.2])
+def test_what_turns_of_third_order_do_is_allowed_for(pull):
+    """Rods so long that they keep their directions, across their arms: a turn by t takes the end of an arm c by c sin t
+    along its rod, c (t - sin t) less than to first order, and nothing else is left of second order."""
+    out = np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=1)
+    arms = out * [[1.0], [0.3], [0.3]]
+    machine = Machine(np.stack([-out[:, 1], out[:, 0]], axis=1), arms, np.full(3, 1e6))
+    near, s = pull * machine.r, corners(3)
+    said = reached(machine.posture, [Rod(1e6, tuple(end), 0.0) for end in near.tolist()], machine.span)
+    met = closed(machine, s[..., None] * near, np.zeros((len(s), 3)))
+    off = np.linalg.norm(met.move - s @ np.array(said.moves), axis=1).max()
+    assert 0.05 * said.aside < off <= said.aside
+
+
+# --- directions that change in any way, as no rods do ---
+
+
+def cross_products(machine, r):
+    """Determinants (N,) of rods along r (N, n, m), and the v_i (N, n, m): what r_i is multiplied with in them."""
+    m = machine.r.shape[1]
+    A = rows(machine, r, machine.arms)
+    det = np.linalg.det(A)
+    columns = np.swapaxes(np.linalg.inv(A), -1, -2) * det[..., None, None]
+    v = columns[..., :m].copy()
+    if machine.turns:
+        v[..., :2] += columns[..., m:] * np.stack([-machine.arms[:, 1], machine.arms[:, 0]], axis=1)
+    return det, v
+
+
+def random_changes(rng, n, m, still):
+    """Rods, how their directions change with every joint (n rods, n joints, m), and what may come on top."""
+    while True:
+        right = n == m and rng.uniform() < 0.5
+        r = np.linalg.qr(rng.normal(size=(m, m)))[0] if right else units(rng.normal(size=(n, m)))
+        arms = units(rng.normal(size=(n, 2))) * 10.0 ** (rng.uniform(-1.0, 2.0) + rng.uniform(-0.3, 0.3, (n, 1)))
+        if n == 3 > m and rng.uniform() < 0.5:  # arms as far apart as they can, rods across them
+            x, y = np.cos(ANGLES), np.sin(ANGLES)
+            arms, r = np.stack([x, y], axis=1) * np.hypot(*arms[0]), np.stack([-y, x], axis=1)
+        machine = Machine(r, arms * (n > m), np.ones(n))
+        if abs(np.linalg.det(rows(machine, r, arms))) > 0.05 * (machine.span or 1.0):
+            break
+    size = 10.0 ** rng.uniform(-2.5, -0.5)
+    u = rng.normal(size=(n, n, m)) * (rng.uniform(size=(n, n, 1)) < rng.choice([0.3, 1.0]))
+    if rng.uniform() < 0.3:
+        u = (rng.normal(size=(n, n, n)) * (rng.uniform(size=(n, n, n)) < 0.3)) @ r
+    return machine, size / n * u, (0.0 if still else size * 10.0 ** rng.uniform(-2.0, 0.0)) * rng.uniform(size=n)
+
+
+def changed(machine, u, rest):
+    """What the bound is made of."""
+    n, found = len(u), []
+    for i in range(n):
+        moment = machine.arms[i, 0] * u[i, :, 1] - machine.arms[i, 1] * u[i, :, 0]
+        ways = np.concatenate([u[i], moment[:, None]], axis=1) if machine.turns else u[i]
+        most = float(np.linalg.norm(corners(n) @ u[i], axis=1).max())
+        found.append(Change(ways.tolist(), most, float(rest[i])))
+    return machine.posture, found, machine.span
+
+
+@pytest.mark.parametrize("still", [True, False], ids=["to first order", "with more on top"])
+@pytest.mark.parametrize("platform", PLATFORMS)
+def test_directions_that_change_as_badly_as_they_can_stay_above_the_bound(platform, still):
+    """At every corner what lowers the determinant most comes on top, found row by row. Two rods: their determinant is
+    the cosine."""
+    rng, (n, m) = np.random.default_rng(39), PLATFORMS[platform]
+    promised, used = 0, 0.0
+    for _ in range(150):
+        machine, u, rest = random_changes(rng, n, m, still)
+        bound = type2_over(*changed(machine, u, rest))
+        if not bound > 0.0:
+            continue
+        promised += 1
+        s = np.concatenate([corners(n), rng.uniform(-1.0, 1.0, (20, n))])
+        r = machine.r + np.einsum("ns,rsm->nrm", s, u)
+        e = np.zeros_like(r)
+        sign = np.sign(cross_products(machine, machine.r)[0])
+        for j in [*range(n)] * 2:
+            e[:, j] = -sign * rest[j] * units(cross_products(machine, r + e)[1][:, j])
+        cosines = [
+            sign * det if n == 2 else sign * det / np.linalg.norm(v, axis=2).max(axis=1)
+            for det, v in (cross_products(machine, r + e), cross_products(machine, machine.r[None]))
+        ]
+        assert (cosines[0] >= bound - ROUNDING).all()
+        used = max(used, (cosines[1][0] - cosines[0].min()) / (cosines[1][0] - bound + 1e-12))
+    assert promised > 60
+    assert used > 0.8, "no determinant falls as far as is allowed for"
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf])
+def test_nothing_is_said_of_rods_whose_motion_is_unknown(wrong):
+    machine = Machine(np.eye(3), np.zeros((3, 2)), np.ones(3))
+    usual = Rod(1.0, (1e-3, 0.0, 0.0), 1e-6)
+    assert reached(machine.posture, [usual] * 3) is not None
+    for field, value in {
+        "length": wrong,
+        "near": (wrong, 0.0, 0.0),
+        "aside": wrong,
+        "growth": wrong,
+        "growth_aside": wrong,
+        "bend": wrong,
+        "uncertain": wrong,
+    }.items():
+        if (field, wrong) == ("length", np.inf):  # a rod as long as can be is a plane: nothing is unknown of it
+            continue
+        said = reached(machine.posture, [usual, usual._replace(**{field: value}), usual])
+        assert said is None or not said.type2 > 0.0, field
+
+
+# --- distances and singular values over a box ---
+
+
+@pytest.mark.parametrize("dims", [2, 3])
+def test_distances_over_a_box_stay_within_their_bounds(dims):
+    """The largest is at a corner; the smallest is a least squares problem with bounds."""
+    rng, used = np.random.default_rng(42), []
+    for _ in range(150):
+        x, n = rng.normal(size=dims), rng.integers(1, 5)
+        moves = rng.normal(size=(n, dims)) * 10.0 ** rng.uniform(-3.0, 0.3)
+        rest = rng.choice([0.0, 10.0 ** rng.uniform(-3.0, 0.0)])
+        low, high = distances(x.tolist(), moves.tolist(), float(rest))
+        nearest = np.linalg.norm(x + lsq_linear(moves.T, -x, (-1.0, 1.0), tol=1e-14).x @ moves)
+        farthest = np.linalg.norm(x + corners(n) @ moves, axis=1).max() + rest
+        assert max(nearest - rest, 0.0) >= low - ROUNDING
+        assert farthest <= high + ROUNDING
+        if low > 0.0:
+            used.append(((np.linalg.norm(x) - nearest + rest) / (np.linalg.norm(x) - low), farthest / high))
+    assert len(used) > 50
+    assert np.median(used, axis=0)[0] > 0.95
+    assert np.min(used, axis=0)[1] > 0.7
+
+
+def test_distances_from_the_origin_itself():
+    assert distances((0.0, 0.0), [(3.0, 4.0), (0.0, 1.0)], 0.5) == (0.0, 6.5)
+
+
+def second(M):
+    """Second singular values of (N, 2, k)."""
+    return np.linalg.svd(M, compute_uv=False)[:, 1]
+
+
+@pytest.mark.parametrize("ways", [1, 2, 3, 4])
+def test_no_second_singular_value_over_a_box_is_below_its_bound(ways):
+    """Sampled, searched, and with the rest that takes most of it; also where it is least inside the box."""
+    rng, used, inside = np.random.default_rng(43), [], 0
+    for _ in range(80):
+        k = rng.integers(2, 5)
+        M = rng.normal(size=(2, k)) * [[1.0], [10.0 ** rng.uniform(-1.5, 0.0)]]
+        Mj = rng.normal(size=(ways, 2, k)) * 10.0 ** rng.uniform(-3.0, -0.3) * (rng.uniform(size=(ways, 1, k)) < 0.6)
+        rest = rng.choice([0.0, 10.0 ** rng.uniform(-4.0, -1.0)])
+        bound = least_singular(M.T.tolist(), [way.T.tolist() for way in Mj], float(rest))
+        s = np.concatenate([corners(ways), rng.uniform(-1.0, 1.0, (60, ways))])
+        values = second(M + np.einsum("ns,sab->nab", s, Mj))
+        start = s[values.argmin()]
+        best = minimize(
+            lambda s, M=M, Mj=Mj: float(second((M + np.tensordot(s, Mj, 1))[None])[0]),
+            start,
+            method="Nelder-Mead",
+            bounds=[(-1.0, 1.0)] * ways,
+            options={"maxiter": 60},
+        )
+        lowest = min(values.min(), best.fun)
+        inside += best.fun < values[: 2**ways].min() - 1e-6
+        U, S, V = np.linalg.svd((M + np.tensordot(best.x, Mj, 1)), full_matrices=False)
+        less = np.linalg.svd((U * [S[0], S[1] - rest]) @ V, compute_uv=False)[1] if S[1] > rest else 0.0
+        assert bound <= max(lowest - rest, 0.0) + ROUNDING
+        assert less >= bound - ROUNDING
+        now = second(M[None])[0]
+        if bound > 0.0:
+            used.append((now - less) / (now - bound + 1e-9))
+    assert len(used) > 30
+    assert inside > 3, "the least value is always at a corner: the fixture proves nothing of the inside"
+    assert np.median(used) > (0.9 if ways < 3 else 0.5)
+
+
+def test_a_second_singular_value_that_vanishes_inside_the_box_is_not_promised():
+    """diag(1, s) at s = 0, while both ends have 1; and diag(1, s + t) on a line."""
+    assert least_singular([(1.0, 0.0), (0.0, 0.0)], [[(0.0, 0.0), (0.0, 1.0)]], 0.0) == 0.0
+    way = [(0.0, 0.0), (0.0, 0.5)]
+    assert least_singular([(1.0, 0.0), (0.0, 0.0)], [way, way], 0.0) == 0.0
+    assert least_singular([(1.0, 0.0), (0.0, 2.0)], [way, way], 0.0) == pytest.approx(1.0, abs=0.35)
