@@ -500,7 +500,13 @@ def diagnostics(shared: Cell) -> Statuses:
 def test_diagnostics_have_one_status_per_check(cell: Cell, diagnostics: Statuses):
     checks = ("margins", "motion", "branch", "joint states", "velocities", "supervisor")
     cell.wire.until(lambda: diagnostics)
-    assert set(diagnostics[-1]) == {*checks, "joint states rate", "joint states publishers", "verdict subscribers"}
+    assert set(diagnostics[-1]) == {
+        *checks,
+        "joint states rate",
+        "joint states publishers",
+        "verdict subscribers",
+        "stops",
+    }
     cell.wire.until(lambda: all(diagnostics[-1][check] == (b"\x00", "OK") for check in checks))
     cell.say = lambda t: bad(t, position=(math.nan, 0.0))
     cell.wire.until(lambda: diagnostics[-1]["joint states"][0] == b"\x03")

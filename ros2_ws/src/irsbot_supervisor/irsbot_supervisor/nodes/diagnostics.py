@@ -68,7 +68,7 @@ class DiagnosticsPublisher:
                 rejected = self._supervisor.rejections.items()
                 status.values = [KeyValue(key=f"rejected {c.name}", value=str(n)) for c, n in rejected]
             message.status.append(status)
-        for name, status_level, text in (*self._partners.look(), self._rate()):
+        for name, status_level, text in (*self._partners.look(), self._rate(), self._stop()):
             status = DiagnosticStatus(level=status_level, hardware_id=self._hardware, message=text)
             status.name = f"{self._node.get_fully_qualified_name()}: {name}"
             message.status.append(status)
@@ -81,3 +81,12 @@ class DiagnosticsPublisher:
             return Finding("joint states rate", DiagnosticStatus.OK, "every sample is judged")
         text = f"{skipped} samples skipped for newer ones: more come than can be judged"
         return Finding("joint states rate", DiagnosticStatus.WARN, text)
+
+    def _stop(self) -> Finding:
+        """Whether the last stop kept to the brakes and the latency that are configured."""
+        stop = self._supervisor.measured_stop
+        if stop is None:
+            return Finding("stops", DiagnosticStatus.OK, "no stop has been measured")
+        text = f"joint '{stop.joint}' went {stop.way:.4g} {stop.unit} of {stop.allowed:.4g} allowed in the last stop, "
+        text += f"{stop.time_s:.4g} s of {stop.allowed_s:.4g}"
+        return Finding("stops", DiagnosticStatus.OK if stop.way <= stop.allowed else DiagnosticStatus.WARN, text)
