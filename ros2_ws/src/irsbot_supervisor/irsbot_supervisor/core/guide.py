@@ -156,8 +156,8 @@ def _heeding(base: Settings, plant: Plant) -> Floats:
     """rad or m that the far end of what a joint can reach goes on after a warning is due, although it is heeded.
 
     The warning comes up to one period late, and brakes act after latency_s: V (1/rate + latency_s). While the joint
-    brakes from V to V - u it goes u (2 V - u)/(2 d), but could speed up again. At V - u, which the observer takes for up
-    to x more, it reaches (u - x)^2/(2 a) less than at V. The difference is largest at u = (a V + d x)/(a + d); from
+    brakes from V to V - u it goes u (2 V - u)/(2 d), but could speed up again. At V - u, which the observer takes for
+    up to x more, it reaches (u - x)^2/(2 a) less than at V. The difference is largest at u = (a V + d x)/(a + d); from
     u = x + a T on the joint cannot get back to V any more, and what it can reach shrinks.
     """
     period_s = 1.0 / plant.rate_hz
