@@ -57,7 +57,7 @@ def test_every_command_of_the_readme_exists_and_has_help_with_an_example() -> No
 
 def test_the_causes_of_the_verdicts_page_are_those_of_the_code() -> None:
     page = (ROOT / "docs" / "verdicts.md").read_text()
-    table = page.split("## Causes")[1].split("## The braking outlook")[0]
+    table = page.split("## Causes")[1].split("## Stopping in time")[0]
     said = set(re.findall(r"\b[A-Z][A-Z0-9_]{3,}\b", table)) - {"WARN", "STOP", "UNKNOWN"}
     assert said == {cause.name for cause in Cause if cause}
 

@@ -560,7 +560,7 @@ def diagnostics(shared: Cell) -> Statuses:
 def test_diagnostics_have_one_status_per_check(cell: Cell, diagnostics: Statuses):
     checks = ("margins", "motion", "branch", "joint states", "velocities", "supervisor")
     cell.wire.until(lambda: diagnostics)
-    others = {"joint states rate", "joint states units", "joint states publishers", "verdict subscribers"}
+    others = {"joint states rate", "joint states units", "joint states publishers", "verdict subscribers", "stops"}
     assert set(diagnostics[-1]) == {*checks, *others}
     cell.wire.until(lambda: all(diagnostics[-1][check] == (b"\x00", "OK") for check in checks))
     cell.say = lambda t: bad(t, position=(math.nan, 0.0))

@@ -26,8 +26,10 @@ def limits(
     robot: Annotated[str, typer.Argument(help="preset name or YAML file")],
     speed: Annotated[str | None, typer.Option(help="fastest motion, rad/s or m/s; 12 or 12,12")] = None,
     deceleration: Annotated[str | None, typer.Option(help="braking, rad/s2 or m/s2; 400 or 400,400")] = None,
+    acceleration: Annotated[str | None, typer.Option(help="speeding up; as deceleration if left out")] = None,
     latency: Annotated[float | None, typer.Option(help="s from the arrival of a sample to the first braking")] = None,
     rate: Annotated[float, typer.Option(help="joint states per second")] = RATE_HZ,
+    stamp_jitter: Annotated[float | None, typer.Option(help="largest error of a stamp, s")] = None,
     encoder_resolution: Annotated[float | None, typer.Option(help="smallest step of a joint, rad or m")] = None,
     encoder_offset: Annotated[float | None, typer.Option(help="largest error of a joint's zero, rad or m")] = None,
     geometry_tolerance: Annotated[float | None, typer.Option(help="largest error of a leg, m")] = None,
@@ -58,6 +60,8 @@ def limits(
         given("encoder_offset", encoder_offset),
         given("geometry_tolerance_m", geometry_tolerance),
         force_ratio,
+        _numbers(acceleration, "--acceleration", shipped.get("acceleration_limit", ())),
+        given("stamp_jitter_s", stamp_jitter),
     )
     guide = propose(machine, robot, plant)
     if as_json:
@@ -67,11 +71,12 @@ def limits(
                 "reasons": {one.name: one.why for one in guide.proposals},
                 "stopping": [row._asdict() for row in guide.stopping],
                 "all_joints_together": guide.together,
+                "costs": [row._asdict() for row in guide.costs],
                 "contradiction": guide.fault,
             }
         )
     else:
-        _print(guide)
+        _print(guide, [joint.unit for joint in machine.mechanism.joints])
     if guide.fault:
         raise Failed(guide.fault)
     if output is not None:
@@ -93,7 +98,7 @@ def _yaml(value: Any) -> str:
     return yaml.safe_dump(plain, default_flow_style=True, width=10_000).splitlines()[0]
 
 
-def _print(guide: Guide) -> None:
+def _print(guide: Guide, units: list[str]) -> None:
     table = Table("setting", "value", "why")
     for one in guide.proposals:
         value = ", ".join(f"{number:g}" for number in one.value) if isinstance(one.value, tuple) else f"{one.value:g}"
@@ -104,13 +109,38 @@ def _print(guide: Guide) -> None:
         table.add_row(
             row.joint,
             f"{row.needs:.3g} {row.unit}",
-            f"{row.platform_m:.3g} m" if row.platform_m == row.platform_m else "-",
+            _metres(row.platform_m),
             f"{row.room:.3g} {row.unit}",
             f"{row.share:.0%}",
             f"{row.margin}_stop" if row.margin else "-",
         )
     out.print(table)
     out.print(f"all joints at once, in the worst combination: {guide.together:.0%} of the speed could be stopped")
+    out.print(
+        "\nWhat it costs: how far what joints can reach goes until they stand, and where a resting robot is stopped"
+    )
+    table = Table(
+        "machine", "brakes act after", "from rest", "platform", "from full speed", "platform", "stopped at rest"
+    )
+    for cost in guide.costs:
+        table.add_row(
+            cost.machine,
+            f"{cost.free_s * 1e3:.3g} ms",
+            _ways(cost.from_rest, units),
+            _metres(cost.platform_rest_m),
+            _ways(cost.from_full, units),
+            _metres(cost.platform_full_m),
+            f"{cost.stopped:.0%} of postures",
+        )
+    out.print(table)
+
+
+def _ways(ways: tuple[float, ...], units: list[str]) -> str:
+    return ", ".join(dict.fromkeys(f"{way:.3g} {unit}" for way, unit in zip(ways, units, strict=True)))
+
+
+def _metres(way: float) -> str:
+    return f"{way:.3g} m" if way == way else "-"
 
 
 def _numbers(text: str | None, option: str, shipped: object) -> tuple[float, ...]:

@@ -4,7 +4,7 @@ the same in prose."""
 from __future__ import annotations
 
 from itertools import product
-from math import ceil, floor, hypot, inf, log10, nan
+from math import ceil, copysign, floor, inf, log10, nan
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,11 +12,14 @@ import numpy as np
 from irsbot_kinematics import Mechanism, Posture, Robot
 from irsbot_kinematics.mechanism import Floats
 from irsbot_supervisor.core.assess import SOLVED, margins_of, slopes
+from irsbot_supervisor.core.estimation.estimator import JUDGING_S
+from irsbot_supervisor.core.estimation.observer import excess
 from irsbot_supervisor.core.limits import KINDS, alone, contradictions
 from irsbot_supervisor.core.reach import position_error
 from irsbot_supervisor.core.room import candidates, postures, room
 from irsbot_supervisor.core.settings import LEAST_LIMIT, InvalidSettings, Settings, completed
 from irsbot_supervisor.core.stopping import floor_of
+from irsbot_supervisor.core.stopping_cost import Cost, costs, platform_way
 
 SAFETY = 2.0
 """1: errors may be this many times larger than what is stated, for play and elasticity, which nobody states."""
@@ -26,6 +29,9 @@ STEEP = 90
 
 NEIGHBOURS = 64
 """Postures next to a limit from which errors and slopes of a margin are taken."""
+
+PARTS = 8
+"""Steps in which the branch is followed back from there."""
 
 LOST = 2
 """Samples in a row that may get lost without consequence."""
@@ -57,6 +63,13 @@ class Plant(NamedTuple):
     encoder_offset: float  # rad or m
     geometry_tolerance_m: float
     force_ratio: float  # how many times the load a leg may carry
+    acceleration: Floats = ()  # rad/s2 or m/s2; empty: as deceleration
+    stamp_jitter_s: float = Settings.stamp_jitter_s  # by which a stamp differs from when positions were read
+
+    @property
+    def ahead_s(self) -> float:
+        """s that a robot goes on unseen: until the next sample, which is not delayed, has come and been judged."""
+        return 1.0 / self.rate_hz + min(1.0 / self.rate_hz, JUDGING_S)
 
 
 class Proposal(NamedTuple):
@@ -69,7 +82,7 @@ class Proposal(NamedTuple):
 
 class Stopping(NamedTuple):
     """How far a joint, alone and at its full speed, goes until it stands, and how far it could. Both count from the
-    last sample, one period before the next."""
+    last sample before the stop: a period and the time for judging are in it."""
 
     joint: str
     unit: str
@@ -87,17 +100,19 @@ class Guide(NamedTuple):
     stopping: list[Stopping]
     together: float  # share of all velocity limits at once, in the worst combination, that could be stopped
     fault: str  # empty, or why the limits contradict each other
+    costs: list[Cost]
 
 
 class _Near(NamedTuple):
-    """Postures next to a limit of one margin: the typical error, and the slopes of a steep one.
+    """Postures next to a limit of one margin.
 
     Every bound that the supervision computes has the errors of its posture in it already; a limit only has to exceed
     what they usually are, or nothing would be left.
     """
 
-    error: float
-    steep: Floats  # 1/rad or 1/m
+    error: float  # typical
+    steep: Floats  # 1/rad or 1/m, slopes of a steep one
+    lost: float  # what a margin that falls steeply loses on the last part of the way there, see `_heeding`
 
 
 def propose(robot: Robot, name: str, plant: Plant) -> Guide:
@@ -106,17 +121,20 @@ def propose(robot: Robot, name: str, plant: Plant) -> Guide:
     tops = postures(base, mechanism).margins.max(axis=0, initial=-inf)
     ratio = plant.force_ratio
     forces = [top / ratio if kind == "constraint" else 1.0 / ratio for kind, top in zip(KINDS, tops, strict=True)]
-    nears = _near(base, mechanism, forces)
-    proposals = _copied(base)
+    ways = _heeding(base, plant)
+    on = " and ".join(dict.fromkeys(f"{w:.3g} {joint.unit}" for w, joint in zip(ways, mechanism.joints, strict=True)))
+    nears = _near(base, mechanism, forces, ways)
+    proposals = _copied(base, plant)
     for kind, top, force, near in zip(KINDS, tops, forces, nears, strict=True):
         if 0.0 < top < inf:
             stop = _stop(kind, float(top), force, near, ratio)
-            proposals += [stop, _warn(kind, stop.value, float(top), near, base, plant)]
+            proposals += [stop, _warn(kind, stop.value, float(top), near.lost, on)]
     proposals += [*_times(base, mechanism, plant), _standstill(plant)]
     proposals.append(_hysteresis(base, plant, proposals, nears))
     settings = completed({"robot": name, **{one.name: one.value for one in proposals}}, robot)
     faults = contradictions(settings, mechanism)
-    return Guide(proposals, *_stopping(settings, mechanism, plant), "; ".join(faults))
+    rows, together = _stopping(settings, mechanism, plant)
+    return Guide(proposals, rows, together, "; ".join(faults), costs(settings, mechanism, plant.rate_hz))
 
 
 def _base(robot: Robot, name: str, plant: Plant) -> Settings:
@@ -130,10 +148,30 @@ def _base(robot: Robot, name: str, plant: Plant) -> Settings:
     values: dict[str, Any] = {f"{kind}_{which}": LEAST_LIMIT for kind in KINDS for which in ("stop", "warn")}
     values |= {"velocity_limit": plant.speed, "deceleration_limit": plant.deceleration, "latency_s": plant.latency_s}
     values |= {"encoder_resolution": plant.encoder_resolution, "encoder_offset": plant.encoder_offset}
+    values |= {"acceleration_limit": plant.acceleration, "stamp_jitter_s": plant.stamp_jitter_s}
     return completed({"robot": name, **values, "geometry_tolerance_m": plant.geometry_tolerance_m}, robot)
 
 
-def _near(base: Settings, mechanism: Mechanism, limits: list[float]) -> list[_Near]:
+def _heeding(base: Settings, plant: Plant) -> Floats:
+    """rad or m that the far end of what a joint can reach goes on after a warning is due, although it is heeded.
+
+    The warning comes up to one period late, and brakes act after latency_s: V (1/rate + latency_s). While the joint
+    brakes from V to V - u it goes u (2 V - u)/(2 d), but could speed up again. At V - u, which the observer takes for
+    up to x more, it reaches (u - x)^2/(2 a) less than at V. The difference is largest at u = (a V + d x)/(a + d); from
+    u = x + a T on the joint cannot get back to V any more, and what it can reach shrinks.
+    """
+    period_s = 1.0 / plant.rate_hz
+    free_s = plant.ahead_s + base.latency_s
+    drives = zip(base.velocity_limit, base.acceleration_limit, base.deceleration_limit, strict=True)
+    ways = []
+    for (v, a, d), x in zip(drives, excess(base, period_s), strict=True):
+        u = min((a * v + d * x) / (a + d), x + a * free_s, v)
+        more = 0.5 * u * (2.0 * v - u) / d - 0.5 * max(u - x, 0.0) ** 2 / a
+        ways.append(v * (period_s + base.latency_s) + more)
+    return tuple(ways)
+
+
+def _near(base: Settings, mechanism: Mechanism, limits: list[float], ways: Floats) -> list[_Near]:
     """For each margin, what is found next to its limit where the other limits are kept."""
     cloud, found = postures(base, mechanism), []
     kept = cloud.joints[(cloud.margins >= limits).all(axis=1)]
@@ -141,26 +179,44 @@ def _near(base: Settings, mechanism: Mechanism, limits: list[float]) -> list[_Ne
     for kind in range(len(KINDS)):
         rows = kept[np.argsort(margins[:, kind], kind="stable")[:NEIGHBOURS]]
         solved = [mechanism.posture(tuple(row.tolist()), base.assembly_mode) for row in rows]
-        found.append(_next_to([at for at in solved if at.status == SOLVED], base, mechanism, kind))
+        found.append(_next_to([at for at in solved if at.status == SOLVED], base, mechanism, kind, ways))
     return found
 
 
-def _next_to(places: list[Posture], base: Settings, mechanism: Mechanism, kind: int) -> _Near:
+def _next_to(places: list[Posture], base: Settings, mechanism: Mechanism, kind: int, ways: Floats) -> _Near:
     if not places or margins_of(places[0])[kind] == inf:
-        return _Near(0.0, (0.0,) * len(mechanism.joints))
+        return _Near(0.0, (0.0,) * len(mechanism.joints), 0.0)
     reach = [position_error(base)] * len(mechanism.joints)
     slack = base.geometry_tolerance_m
     errors = [margins_of(at)[kind] - floor_of(mechanism.guarantee(at, reach, slack))[kind] for at in places]
-    steep = [tuple(map(abs, slopes(mechanism, at, kind))) for at in places]
+    signed = [slopes(mechanism, at, kind) for at in places]
+    lost = sorted([_lost(mechanism, at, slope, kind, ways) for at, slope in zip(places, signed, strict=True)])
+    steep = [tuple(map(abs, slope)) for slope in signed]
     steep.sort(key=lambda slope: sum(s * v for s, v in zip(slope, base.velocity_limit, strict=True)))
-    return _Near(sorted(errors)[len(errors) // 2], steep[STEEP * len(steep) // 100])
+    return _Near(sorted(errors)[len(errors) // 2], steep[STEEP * len(steep) // 100], lost[STEEP * len(lost) // 100])
 
 
-def _copied(base: Settings) -> list[Proposal]:
+def _lost(mechanism: Mechanism, at: Posture, slope: Floats, kind: int, ways: Floats) -> float:
+    """What a margin loses while all joints together go their ways down its slope to a posture; as far back as there is
+    a posture. The worst corner of what can be reached goes like that, and nothing in it keeps more than that corner."""
+    back, then = at, margins_of(at)[kind]
+    for part in range(1, PARTS + 1):
+        there = zip(at.joints, ways, slope, strict=True)
+        back = mechanism.track(tuple([q + copysign(part / PARTS * way, s) for q, way, s in there]), back)
+        if back.status != SOLVED:
+            break
+        then = margins_of(back)[kind]
+    return max(then - margins_of(at)[kind], 0.0)
+
+
+def _copied(base: Settings, plant: Plant) -> list[Proposal]:
+    guessed = "as deceleration_limit, as none is given: what the drives measure less than that brings limits closer"
     reasons = {
         "velocity_limit": "as given: the fastest motion for which stopping is computed",
+        "acceleration_limit": "as given: no drive speeds a joint up harder" if plant.acceleration else guessed,
         "deceleration_limit": "as given: what every drive brakes with, loaded and warm, at any time",
         "latency_s": "as given: from the arrival of a sample to the first braking",
+        "stamp_jitter_s": "as given: a position may have been read so much before or after its stamp",
         "encoder_resolution": "as given: half of it may be wrong in every position",
         "encoder_offset": "as given: error of a joint's zero",
         "geometry_tolerance_m": "as given: error of a leg's length and place",
@@ -184,13 +240,12 @@ def _stop(kind: str, top: float, force: float, near: _Near, ratio: float) -> Pro
     return Proposal(f"{kind}_stop", value, f"{reason}; {errors}")
 
 
-def _warn(kind: str, stop: float, top: float, near: _Near, base: Settings, plant: Plant) -> Proposal:
-    """STOP counts with braking already; a warning comes so much earlier that somebody can slow down by himself."""
-    delay_s = plant.latency_s + 1.0 / plant.rate_hz
-    lost = delay_s * sum(slope * speed for slope, speed in zip(near.steep, base.velocity_limit, strict=True))
+def _warn(kind: str, stop: float, top: float, lost: float, on: str) -> Proposal:
+    """STOP counts with braking already; a warning comes so much earlier that somebody can slow down by himself.
+    on: what `_heeding` says, as text."""
     half = max(0.5 * (top - stop), 0.0)
-    why = f"in {delay_s * 1e3:.3g} ms, one period and latency_s, the end of the braking path loses {lost:.2g} with all "
-    why += "joints at full speed: who heeds the warning by then is not stopped"
+    why = f"if joints at full speed brake latency_s after the warning, what they can reach still goes on by {on}; the "
+    why += f"margin loses {lost:.2g} on that: who heeds the warning is not stopped"
     if lost > half:
         why += f"; cut to half way from the stop limit to the largest value, {top:.3g}"
     return Proposal(f"{kind}_warn", _up(stop + min(lost, half)), why)
@@ -241,7 +296,7 @@ def _hysteresis(base: Settings, plant: Plant, proposals: list[Proposal], nears: 
 
 
 def _stopping(settings: Settings, mechanism: Mechanism, plant: Plant) -> tuple[list[Stopping], float]:
-    count, ahead_s = len(mechanism.joints), 1.0 / plant.rate_hz
+    count, ahead_s = len(mechanism.joints), plant.ahead_s
     places = list(candidates(settings, mechanism))
     rows = []
     for k, joint in enumerate(mechanism.joints):
@@ -251,24 +306,13 @@ def _stopping(settings: Settings, mechanism: Mechanism, plant: Plant) -> tuple[l
             rows.append(Stopping(settings.joint_names[k], joint.unit, needs, nan, 0.0, "all", 0.0))
             continue
         found = room(settings, mechanism, places, alone(k, count), ahead_s, MOST)
-        way = _platform_way(mechanism, found.at, k, needs)
+        way = platform_way(mechanism, found.at, k, needs)
         margin = KINDS[found.kind] if found.kind >= 0 else ""
         has = (settings.joint_names[k], joint.unit, needs, way, abs(found.travel[k]), margin, found.share)
         rows.append(Stopping(*has))
     corners = [tuple(corner) for corner in product((1.0, -1.0), repeat=count)]
     together = room(settings, mechanism, places, corners, ahead_s, MOST).share if places else 0.0
     return rows, together
-
-
-def _platform_way(mechanism: Mechanism, at: Posture, joint: int, travel: float) -> float:
-    """m from one end to the other while one joint moves from a posture, the longer of both directions."""
-    ways = []
-    for sign in (1.0, -1.0):
-        moved = tuple([q + sign * travel if k == joint else q for k, q in enumerate(at.joints)])
-        there = mechanism.posture(moved, at.assembly_mode)
-        pairs = zip(there.pose, at.pose, mechanism.task, strict=True)
-        ways.append(hypot(*[a - b for a, b, axis in pairs if not axis.is_angle]))
-    return max(ways) if all(way == way for way in ways) else nan
 
 
 def _up(value: float) -> float:

@@ -80,7 +80,7 @@ class DiagnosticsPublisher:
             message.status.append(self._status(Finding(check, said, text), values.get(check, {})))
         robot, names = self._supervisor.robot, self._supervisor.settings.joint_names
         units = of_units(robot.mechanism.joints, names, self.state.joint_position if self.state else ())
-        for finding in (*self._partners.look(), self._rate(), units):
+        for finding in (*self._partners.look(), self._rate(), self._stop(), units):
             message.status.append(self._status(finding, {}))
         self._publisher.publish(message)
 
@@ -129,6 +129,15 @@ class DiagnosticsPublisher:
             return Finding("joint states rate", DiagnosticStatus.OK, "every sample is judged")
         text = f"{skipped} samples skipped for newer ones: more come than can be judged"
         return Finding("joint states rate", DiagnosticStatus.WARN, text)
+
+    def _stop(self) -> Finding:
+        """Whether the last stop kept to the brakes and the latency that are configured."""
+        stop = self._supervisor.measured_stop
+        if stop is None:
+            return Finding("stops", DiagnosticStatus.OK, "no stop has been measured")
+        text = f"joint '{stop.joint}' went {stop.way:.4g} {stop.unit} of {stop.allowed:.4g} allowed in the last stop, "
+        text += f"{stop.time_s:.4g} s of {stop.allowed_s:.4g}"
+        return Finding("stops", DiagnosticStatus.OK if stop.way <= stop.allowed else DiagnosticStatus.WARN, text)
 
 
 def of_units(joints: Sequence[Coordinate], names: Sequence[str], position: Sequence[float]) -> Finding:
