@@ -159,9 +159,7 @@ def test_the_bounds_exceed_true_speeds_by_no_more_than_is_said(period_s, gain, b
     assert most == FASTEST or over.max() > 0.4 * most, "nothing comes near: the figure is worth nothing"
 
 
-@pytest.mark.parametrize(
-    ("resolution", "jitter_s", "median"), [(1e-5, 0.0, 0.25), (1e-5, 5e-5, 1.0), (1e-3, 0.0, 1.3)]
-)
+@pytest.mark.parametrize(("resolution", "jitter_s", "median"), [(1e-5, 0.0, 0.25), (1e-5, 5e-5, 1.0), (1e-3, 0.0, 1.3)])
 def test_hostile_motion_is_overestimated_by_little(resolution, jitter_s, median):
     """The sheet's figures are 0.2, 0.8 and 1.1 rad/s for 400 rad/s2 at 1 kHz, under a mixture of its own; these are the
     theoretical 4 e/D + (a + d) D/2 of the best D, or of the shortest there is: 0.42 + 0.04, 1.0 and 1.79, and less."""
