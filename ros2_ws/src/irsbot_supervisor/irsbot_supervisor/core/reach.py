@@ -58,7 +58,7 @@ class Reach:
     def stop_s(self, speeds: Speeds, free_s: float) -> float:
         """s until the last joint stands, if the brakes act after `free_s`."""
         fastest = zip(map(max, speeds.forward, speeds.backward), self._limits, strict=True)
-        return free_s + max([min(v + gain * free_s, most) / brake for v, (gain, most, brake) in fastest])
+        return free_s + max([_going(v, gain, most, free_s)[1] / brake for v, (gain, most, brake) in fastest])
 
 
 def _going(v: float, gain: float, fastest: float, free_s: float) -> tuple[float, float]:

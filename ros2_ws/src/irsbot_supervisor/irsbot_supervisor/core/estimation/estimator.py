@@ -33,6 +33,7 @@ class Estimator:
         self._gaps, self._leads = Gaps(), SecondLargest()
         self._observer, self._reported = Observer(settings, joints), Reported(settings, joints)
         self._jumps, self._frozen = Jumps(settings, joints), Frozen(settings, joints)
+        self._turns = tuple(joint.turn for joint in joints)
         self._last: Estimate | None = None
         self._before: Estimate | None = None  # the one before the last
         self._rest: Floats = ()  # from where no joint has moved faster than the standstill speed
@@ -58,22 +59,19 @@ class Estimator:
         clock_set = was_set(stamped, passed, self._stale_s)
         span = passed if clock_set else max(passed, stamped)
         if not jumps.away and self._last_was_wrong(sample, last, span):
-            return self._anew(sample, self._expected(sample, passed, passed), HARD)
+            assert self._before is not None
+            silence = self._unseen(sample, self._before)
+            return self._anew(sample, self._expected(sample, passed, passed), HARD, silence=silence)
         if fault := jumps.fault(sample, last, span):
             if passed > self._stale_s:  # no glitch: it stays there
                 return self._anew(sample, self._expected(sample, passed, passed), branch_lost=JUMPED)
             return Rejected(Cause.IMPLAUSIBLE, fault)
-        if clock_set:
-            return self._anew(sample, self._expected(sample, passed, passed))
-        moved = jumps.moved(sample.position, last.position)
-        suspicion = self._frozen.look(sample, moved, stamped)
+        sent = passed if clock_set else stamped  # s between two samples for the sender
+        suspicion = self._frozen.look(sample, jumps.moved(sample.position, last.position), sent)
         if suspicion.fault:
             return Rejected(Cause.IMPLAUSIBLE, suspicion.fault)
-        expected = self._expected(sample, passed, stamped)
-        age_s = last.ahead_s - last.expected_s  # of the last sample, when it came
-        unseen_s = age_s + passed
-        if unseen_s > last.ahead_s + self._latency_s:
-            silence = self._unseen(last, moved, age_s, passed)
+        expected, silence = self._expected(sample, passed, sent), self._unseen(sample, last)
+        if clock_set or silence is not None:
             return self._anew(sample, expected, silence=silence, suspicion=suspicion)
         speeds = self._observer.update(sample.stamp_ns, sample.position)
         if speeds is None:
@@ -100,17 +98,22 @@ class Estimator:
         expected = self._gaps.expected(sample.seen_ns, passed_s, stamped_s)
         return expected + min(expected, JUDGING_S)
 
-    def _unseen(self, last: Estimate, moved: Floats, age_s: float, passed_s: float) -> Silence:
-        """Where joints have been that went `moved` unseen. They brake as soon as the silence is known to be one. On
-        the way from one end to the other no joint is farther beyond them than half of what its way was longer."""
-        free_s = age_s + min(passed_s, self._stale_s + self._heartbeat_s) + self._latency_s
-        ahead, back = self._reach.until_rest(last.speeds, free_s)
+    def _unseen(self, sample: Accepted, since: Estimate) -> Silence | None:
+        """Where joints have been that went unseen since an earlier sample; None if its braking path holds all of it.
+
+        They brake as soon as the silence is known to be one. On the way from one end to the other no joint is farther
+        beyond them than half of what its way was longer, unless it may have gone the other way round.
+        """
+        passed, age_s = passed_s(sample, since), since.ahead_s - since.expected_s  # the age when it came
+        if age_s + passed <= since.ahead_s + self._latency_s:
+            return None
+        free_s = age_s + min(passed, self._stale_s + self._heartbeat_s) + self._latency_s
+        ahead, back = self._reach.until_rest(since.speeds, free_s)
+        moved, longest = self._jumps.moved(sample.position, since.position), self._reach.longest(age_s + passed)
         low, high = [], []
-        joints = zip(
-            last.position, moved, ahead, back, self._reach.longest(age_s + passed_s), self._reach.errors, strict=True
-        )
-        for q, way, up, down, longest, e in joints:
-            beyond = max(0.5 * (longest - abs(way)), 0.0)
+        joints = zip(since.position, moved, ahead, back, longest, self._turns, self._reach.errors, strict=True)
+        for q, way, up, down, most, turn, e in joints:
+            beyond = max(0.5 * (most - abs(way)), 0.0) if most + abs(way) < turn - 2.0 * e else most
             low.append(q + max(min(way, 0.0) - beyond, min(-down, way)) - e)
             high.append(q + min(max(way, 0.0) + beyond, max(up, way)) + e)
         return Silence(tuple(low), tuple(high))

@@ -35,10 +35,12 @@ class Observer:
     def configure(self, settings: Settings) -> None:
         """New limits; the positions stay."""
         self._fastest, self._gains = settings.velocity_limit, settings.acceleration_limit
-        errors = [0.5 * settings.encoder_resolution + settings.stamp_jitter_s * v for v in self._fastest]
+        errors = stamped_errors(settings)
         self._errors = tuple([2.0 * error for error in errors])
         window_s = max(sqrt(4.0 * e / a) for e, a in zip(errors, self._gains, strict=True))
         self._window_ns = round(window_s * S)
+        joints = zip(self._turns, self._errors, self._fastest, strict=True)
+        self._told_s = min((0.5 * turn - error) / fastest for turn, error, fastest in joints)
         self._any = Speeds(self._fastest, self._fastest)
         self._speeds = self._any
 
@@ -63,6 +65,8 @@ class Observer:
         while True:
             then_ns, then = kept[-back]
             span = (stamp_ns - then_ns) / S
+            if span > self._told_s:  # a joint may have gone half a turn: which way round is not known
+                break
             joints = zip(position, then, self._turns, self._errors, self._gains, strict=True)
             for j, (now, before, turn, error, gain) in enumerate(joints):
                 mean, gained = remainder(now - before, turn) / span, gain * span
@@ -86,24 +90,26 @@ class Observer:
         self._speeds = Speeds(tuple(forward), tuple(backward))
         return self._speeds
 
-    def mean(self, position: Floats) -> Floats:
-        """rad/s or m/s over the positions that are kept; empty if there is only one. `position`: the newest."""
-        (then_ns, then), (now_ns, _) = self._kept[0], self._kept[-1]
-        if not now_ns > then_ns:
-            return ()
-        span = (now_ns - then_ns) / S
-        return tuple([remainder(a - b, turn) / span for a, b, turn in zip(position, then, self._turns, strict=True)])
+
+STAMP_NS = 1
+"""ns: stamps are whole ones."""
+
+
+def stamped_errors(settings: Settings) -> Floats:
+    """rad or m by which ways between measured positions may be wrong at each end, taken at the stamps."""
+    stamp_s = settings.stamp_jitter_s + STAMP_NS / S
+    return tuple([0.5 * settings.encoder_resolution + stamp_s * v for v in settings.velocity_limit])
 
 
 def excess(settings: Settings, period_s: float) -> Floats:
     """rad/s or m/s by which the bounds exceed the true speeds at most, if samples come every `period_s` and the joints
-    brake no harder than configured: 4 e/D + (a + d) D/2 for the best multiple D of the period."""
+    brake no harder than configured: 4 e/D + (a + max(a, d)) D/2 for the best of the multiples D = 1, 2, 4, ... of the
+    period. The bound is never below a D, so brakes that are weaker than the drives are do not help."""
     found = []
     limits = zip(settings.velocity_limit, settings.acceleration_limit, settings.deceleration_limit, strict=True)
-    for fastest, gain, brake in limits:
-        error = 0.5 * settings.encoder_resolution + settings.stamp_jitter_s * fastest
-        span, best = period_s, fastest
-        while period_s > 0.0 and (more := 4.0 * error / span + 0.5 * (gain + brake) * span) < best:
-            best, span = more, 2.0 * span
+    for (fastest, gain, brake), error in zip(limits, stamped_errors(settings), strict=True):
+        span, best, change = period_s, fastest, 0.5 * (gain + max(gain, brake))
+        while 0.0 < change * span < best:
+            best, span = min(best, 4.0 * error / span + change * span), 2.0 * span
         found.append(best)
     return tuple(found)

@@ -13,6 +13,7 @@ from typing import NamedTuple
 from irsbot_kinematics.mechanism import Coordinate
 from irsbot_msgs_py.records import Floats
 from irsbot_supervisor.core.estimation.estimate import Speeds
+from irsbot_supervisor.core.estimation.observer import stamped_errors
 from irsbot_supervisor.core.intake import Accepted, S
 from irsbot_supervisor.core.settings import Settings
 
@@ -39,7 +40,7 @@ class Reported:
         self._trust = bool(settings.velocity_tolerance)
         slow = settings.standstill_speed
         self._tolerances = settings.velocity_tolerance or (slow,) * len(self._names)
-        errors = [0.5 * settings.encoder_resolution + settings.stamp_jitter_s * v for v in settings.velocity_limit]
+        errors = stamped_errors(settings)
         self._errors = tuple([2.0 * error for error in errors])
         self._windows_ns = tuple(
             [round((4.0 * error / gain) ** 0.5 * S) for error, gain in zip(errors, self._gains, strict=True)]
