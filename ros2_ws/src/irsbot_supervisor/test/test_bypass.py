@@ -311,7 +311,7 @@ def test_the_gate_enforces_every_limit_but_the_one_that_is_bypassed():
     limits = gate.limits(supervisor.view)
     assert limits[0] == -inf
     assert all(a >= b for a, b in zip(limits[1:3], (0.01, 0.001), strict=True))
-    tight = replace(supervisor.settings, type2_stop=0.182, type2_warn=0.2)  # 0.18201 is left of it
+    tight = replace(supervisor.settings, type2_stop=0.1, type2_warn=0.2)  # little more is left of it until standstill
     supervisor.step(Configure(*at_ns(10), tight))
     run(supervisor, 11, 15, joints)
     gate.configure(tight)
@@ -430,8 +430,8 @@ def played(script: list[tuple[str, object]]) -> tuple[list[Event], list[Event]]:
     return before, events
 
 
-@settings(max_examples=30, deadline=None)
-@given(script=st.lists(moves, max_size=25), shares=st.lists(st.floats(0.001, 0.999), max_size=40))
+@settings(max_examples=8, deadline=None)
+@given(script=st.lists(moves, max_size=12), shares=st.lists(st.floats(0.001, 0.999), max_size=40))
 def test_never_is_motion_allowed_beyond_a_limit_but_by_a_bypass_nor_where_anything_is_unknown(
     script: list[tuple[str, object]], shares: list[float]
 ):

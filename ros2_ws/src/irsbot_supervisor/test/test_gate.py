@@ -213,7 +213,7 @@ def test_who_goes_on_commanding_while_the_robot_brakes_is_let_out_as_well(name):
         while guided.now.level < Level.STOP:
             guided.rush(rates)
         braking = 0
-        while not guided.supervisor.standing:
+        while max(map(abs, guided.drives.now.velocity)) > guided.settings.standstill_speed:
             braking += 1
             guided.beat(rates)
         assert braking

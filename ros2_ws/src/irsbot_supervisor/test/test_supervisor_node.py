@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from itertools import count
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -38,7 +39,9 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 from visualization_msgs.msg import Marker, MarkerArray
 
 from irsbot_msgs_py.records import Bypass, Cause, JointSample, Level
+from irsbot_supervisor.core.stop_monitor import MeasuredStop
 from irsbot_supervisor.journal import read_entry
+from irsbot_supervisor.nodes.diagnostics import DiagnosticsPublisher
 
 pytestmark = [
     pytest.mark.ros,
@@ -651,6 +654,16 @@ def test_diagnostics_of_a_latched_stop_say_so(wire: Wire):
     assert heard[-1]["supervisor"][1].startswith("a stop is latched, event 1: ")
     assert "Type 1 margin 0.1215, limit 0.1500" in heard[-1]["supervisor"][1]
     assert heard[-1]["margins"][0] == b"\x02"
+
+
+@pytest.mark.parametrize(("way", "level"), [(0.29, b"\x00"), (0.31, b"\x01")])
+def test_a_stop_that_went_farther_than_allowed_is_reported(way: float, level: bytes):
+    stop = MeasuredStop("joint_1", "rad", way, 0.3, 0.05, 0.04)
+    publisher = DiagnosticsPublisher.__new__(DiagnosticsPublisher)
+    publisher._supervisor = SimpleNamespace(measured_stop=stop)
+    name, said, text = publisher._stop()
+    assert (name, said) == ("stops", level)
+    assert text == f"joint 'joint_1' went {way} rad of 0.3 allowed in the last stop, 0.05 s of 0.04"
 
 
 def test_a_second_publisher_of_joint_states_is_reported_with_its_name(cell: Cell, diagnostics: Statuses):
