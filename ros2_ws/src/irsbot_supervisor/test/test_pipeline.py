@@ -431,6 +431,39 @@ def test_a_jump_that_stays_is_latched_until_somebody_has_looked():
     assert level_in_force(feed(supervisor, resting(251, 300, (q[0] + 0.2, q[1])))) == Level.OK
 
 
+@pytest.mark.parametrize("back_ms", [0.0, 5000.0], ids=["same clock", "clock set back"])
+def test_a_silence_in_which_the_robot_may_have_met_a_type_2_singularity_latches_the_loss_of_the_branch(back_ms):
+    """From z = -0.9 m to +0.7 m in 0.4 s; each of both postures by itself is good."""
+    supervisor = supervisor_of()
+    first, then = (2.7, 0.44), (0.0, 3.14)
+    feed(supervisor, resting(-300, 0, first))
+    assert supervisor.step(sample(0, first)).state.level == Level.OK
+    ends = [supervisor.robot.direct(q, supervisor.settings.assembly_mode)[1] for q in (first, then)]
+    assert ends[0] * ends[1] < 0.0, "the platform has not changed sides: the fixture proves nothing"
+    steps = []
+    for ms in range(400, 700):
+        steps.append(supervisor.step(set_back(sample(ms, then), back_ms)))
+    assert newest(steps).latched
+    assert newest(steps).causes & Cause.BRANCH
+    assert all(one.level != Level.OK for one in story(steps))
+
+
+def set_back(one: JointSample, back_ms: float) -> JointSample:
+    """A sample as it comes after the ROS clock, which sender and receiver share, was set back."""
+    back_ns = round(back_ms * MS)
+    return one._replace(stamp_ns=one.stamp_ns - back_ns, received_ns=one.received_ns - back_ns)
+
+
+@pytest.mark.parametrize("silence_ms", [60, 400, 5000])
+@pytest.mark.parametrize("back_ms", [0.0, 5000.0], ids=["same clock", "clock set back"])
+def test_a_silence_in_a_good_posture_at_rest_loses_no_branch(silence_ms, back_ms):
+    """Also where the clocks are set meanwhile."""
+    supervisor, q = ready()
+    steps = feed(supervisor, [set_back(one, back_ms) for one in resting(silence_ms, silence_ms + 300, q)])
+    assert not newest(steps).latched
+    assert level_in_force(steps) == Level.OK
+
+
 # --- stop and reset ---------------------------------------------------------------------------------------------
 
 
