@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from itertools import product
+from types import SimpleNamespace
 from typing import NamedTuple
 
+import irsbot2_3d as space
 import numpy as np
 import pytest
+from irsbot2_3d import Design
 from rod_machines import Array, Machine, closed, rows, units
 from scipy.optimize import lsq_linear, minimize
 
+import irsbot_kinematics as irs
 from irsbot_kinematics.boxes import Change, Rod, distances, least_singular, reached, type2_over
+from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2, Irsbot2Geometry
 
 ROUNDING = 1e-10
 """m or 1: the machines are closed with rounding of their own."""
@@ -303,3 +308,63 @@ def test_a_second_singular_value_that_vanishes_inside_the_box_is_not_promised():
     way = [(0.0, 0.0), (0.0, 0.5)]
     assert least_singular([(1.0, 0.0), (0.0, 0.0)], [way, way], 0.0) == 0.0
     assert least_singular([(1.0, 0.0), (0.0, 2.0)], [way, way], 0.0) == pytest.approx(1.0, abs=0.35)
+
+
+# --- constraint margins, whatever turns the rods ---
+
+
+@pytest.mark.parametrize("flat", [False, True], ids=["any design", "long rods on a narrow platform"])
+def test_the_constraint_margin_of_the_irsbot2_stays_above_its_bound_however_its_rods_turn(flat):
+    """Against the robot in space: directions turned to first order by two joints, and by a rest besides."""
+    rng, used = np.random.default_rng(45), []
+    s = np.array(list(product(np.linspace(-1.0, 1.0, 5), np.linspace(-1.0, 1.0, 5), (-1.0, 1.0), (-1.0, 1.0))))
+    while len(used) < 150:
+        l1, l2eq, b, p, a1 = rng.uniform(0.1, 0.8, 5).tolist()
+        a2, beta = a1 * rng.uniform(0.1, 0.95 if flat else 0.8), rng.uniform(0.3, 1.4)
+        if flat:
+            p *= 0.05
+        d = Design(l1, l2eq, b, p, a1, a2, beta, 0.0)
+        try:
+            mechanism = Irsbot2(Irsbot2Geometry(*d))
+        except irs.InvalidGeometry:
+            continue
+        psi = rng.uniform(-np.pi, np.pi, 2)
+        turns = 10.0 ** rng.uniform(-3.0, -0.5) * rng.uniform(-1.0, 1.0, (2, 2)) * rng.integers(0, 2, (2, 1))
+        if rng.uniform() < 0.5:
+            turns[1] = rng.choice([-1.0, 1.0]) * turns[0]
+        rests = rng.integers(0, 2) * 10.0 ** rng.uniform(-3.0, -1.0) * rng.uniform(size=2)
+        screws = tuple(zip(np.cos(psi).tolist(), (-np.sin(psi)).tolist(), strict=True))
+        bound = mechanism.constraint_over(SimpleNamespace(screws=screws), turns.tolist(), rests.tolist())
+        there = psi - s[:, :2] @ turns.T - s[:, 2:] * rests  # psi is positive from x to -z
+        kappa, now = space.kappa(d, *there.T), space.kappa(d, *psi[:, None])[0]
+        assert (kappa >= bound - ROUNDING).all(), (d, psi, turns, rests)
+        if bound > 0.0 and now - bound > 1e-6:
+            used.append((now - kappa.min()) / (now - bound))
+    assert np.quantile(used, 0.8) > 0.9, "the margin does not fall as far as is allowed for"
+
+
+def test_the_constraint_margin_of_the_4_ruu_stays_above_its_bound_however_its_rods_change():
+    """Upright rods, too, whose horizontal parts are short and turn much."""
+    rng, used, ruu4 = np.random.default_rng(46), [], irs.make_robot("ruu4").mechanism
+    while len(used) < 100:
+        level = 10.0 ** rng.uniform(-1.5, 0.0, 4)
+        angle = rng.uniform(-np.pi, np.pi, 4) * (rng.uniform() < 0.7)
+        h = level[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        r = np.column_stack([h, np.sqrt(1.0 - level**2)])
+        one = rng.integers(4)
+        u = level[:, None, None] * rng.normal(size=(4, 4, 3)) * 10.0 ** rng.uniform(-2.0, -0.3) * [1.0, 1.0, 0.0] / 4.0
+        u[:, np.arange(4) != one] *= rng.integers(0, 2)
+        rest = rng.integers(0, 2) * level * 10.0 ** rng.uniform(-2.5, -1.0)
+        most = [float(np.linalg.norm(corners(4) @ ways, axis=1).max()) for ways in u]
+        rods = [Change(ways.tolist(), m, e) for ways, m, e in zip(u, most, rest.tolist(), strict=True)]
+        at, met = SimpleNamespace(screws=r.tolist()), SimpleNamespace(rods=rods)
+        bound = ruu4.constraint_over(at, met)
+        s = np.concatenate([np.zeros((1, 4)), corners(4), rng.uniform(-1.0, 1.0, (100, 4))])
+        e = units(rng.normal(size=(len(s), 4, 2))) * rest[:, None]
+        e[0] = 0.0
+        there = units(h + np.einsum("ns,rsm->nrm", s, u)[..., :2] + e)
+        margin = np.linalg.svd(there, compute_uv=False)[:, 1] / np.sqrt(2.0)
+        assert (margin >= bound - ROUNDING).all()
+        if bound > 0.0 and margin[0] - bound > 1e-6:
+            used.append((margin[0] - margin.min()) / (margin[0] - bound))
+    assert np.quantile(used, 0.8) > 0.5, "the margin is far above the bound"
