@@ -311,7 +311,7 @@ def test_the_gate_enforces_every_limit_but_the_one_that_is_bypassed():
     limits = gate.limits(supervisor.view)
     assert limits[0] == -inf
     assert all(a >= b for a, b in zip(limits[1:3], (0.01, 0.001), strict=True))
-    tight = replace(supervisor.settings, type2_stop=0.1, type2_warn=0.2)  # little more is left of it until standstill
+    tight = replace(supervisor.settings, type2_stop=0.07, type2_warn=0.2)  # little more is left of it until standstill
     supervisor.step(Configure(*at_ns(10), tight))
     run(supervisor, 11, 15, joints)
     gate.configure(tight)

