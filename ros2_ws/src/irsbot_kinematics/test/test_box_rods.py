@@ -128,20 +128,6 @@ def test_rods_of_any_place_and_motion_stay_within_what_is_said_of_a_box(platform
     assert (used > [0.7, 0.7, 0.2]).all(), "what happens is far from what is said of displacement, directions, Type 2"
 
 
-@pytest.mark.parametrize("pull", [0.03, 0.1, 0.2])
-def test_what_turns_of_third_order_do_is_allowed_for(pull):
-    """Rods so long that they keep their directions, across their arms: a turn by t takes the end of an arm c by c sin t
-    along its rod, c (t - sin t) less than to first order, and nothing else is left of second order."""
-    out = np.stack([np.cos(ANGLES), np.sin(ANGLES)], axis=1)
-    arms = out * [[1.0], [0.3], [0.3]]
-    machine = Machine(np.stack([-out[:, 1], out[:, 0]], axis=1), arms, np.full(3, 1e6))
-    near, s = pull * machine.r, corners(3)
-    said = reached(machine.posture, [Rod(1e6, tuple(end), 0.0) for end in near.tolist()], machine.span)
-    met = closed(machine, s[..., None] * near, np.zeros((len(s), 3)))
-    off = np.linalg.norm(met.move - s @ np.array(said.moves), axis=1).max()
-    assert 0.05 * said.aside < off <= said.aside
-
-
 # --- directions that change in any way, as no rods do ---
 
 
