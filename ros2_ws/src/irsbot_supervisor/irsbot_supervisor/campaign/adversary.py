@@ -30,7 +30,7 @@ GENERATIONS, POPULATION = (2, 50), (5, 10)
 """Of the optimiser, in a short row and in a long one."""
 LONG = 1000
 """Runs of a robot from which a row is a long one."""
-TRIES, BACK_S = 8, 0.003
+TRIES, BACK_S = 16, 0.003
 """Places for a run, and how much farther each is from the limit: as far as full acceleration goes in this time."""
 BLUNT = 0.2
 """1: a robot fails if more than this share of the runs did not get it moving near a limit: they have shown nothing."""

@@ -223,7 +223,8 @@ class Supervisor:
             self._found = self._policy.judge(estimate, assessment, None, (), 0)
             self._hold(sample.seen_ns)
             return self._reporter.unsolved(estimate, self._samples, _causes(self._found))
-        if self._good is None:
+        first = self._good is None
+        if first:
             self._begun_ns = sample.seen_ns
             self._learn(sample.seen_ns)
         self._good, self._at, self._stale, self._silence = estimate, at, False, []
@@ -232,8 +233,8 @@ class Supervisor:
         predict = self._predictor.once if self._latch.latched else self._predictor.predict
         floor = predict(at, estimate.speeds, estimate.ahead_s)
         reaction = self._reporter.reaction(estimate, assessment)
-        # Until it is known how often samples come the level is UNKNOWN: what could be reached tells nothing yet.
-        counts = floor if sample.seen_ns >= self._known_ns else assessment.margins
+        # Of a first sample nobody knows how fast the joints are; the level is UNKNOWN for a while anyway.
+        counts = assessment.margins if first else floor
         found = self._policy.judge(estimate, assessment, counts, reaction, self._latch.now.causes)
         found = self._found = [*found, *self._stops.look(estimate)]
         escape: Floats = ()

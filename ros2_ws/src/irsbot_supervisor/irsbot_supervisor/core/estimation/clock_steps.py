@@ -20,11 +20,15 @@ def passed_s(sample: Accepted, last: Estimate) -> float:
     return (sample.seen_ns - last.seen_ns) / S
 
 
+def step_ns(sample: Accepted, last: Estimate) -> int:
+    """ns by which our ROS clock, and with it the stamps, was set forward between two arrivals; 0 if it was not."""
+    step = (sample.received_ns - last.received_ns) - (sample.seen_ns - last.seen_ns)
+    return step if STEP_S * S < step < sample.stamp_ns - last.stamp_ns else 0
+
+
 def stamped_s(sample: Accepted, last: Estimate) -> float:
-    """s between two stamps; without a step forward of our ROS clock, which the stamps share."""
-    stamped = (sample.stamp_ns - last.stamp_ns) / S
-    step = (sample.received_ns - last.received_ns) / S - passed_s(sample, last)
-    return stamped - step if STEP_S < step < stamped else stamped
+    """s between two stamps."""
+    return (sample.stamp_ns - last.stamp_ns) / S
 
 
 def was_set(stamped: float, passed: float, silence_s: float) -> bool:

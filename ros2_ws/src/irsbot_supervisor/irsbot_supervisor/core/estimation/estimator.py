@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from irsbot_kinematics.mechanism import Coordinate
 from irsbot_msgs_py.records import Cause, Floats
-from irsbot_supervisor.core.estimation.clock_steps import passed_s, stamped_s, was_set
+from irsbot_supervisor.core.estimation.clock_steps import passed_s, stamped_s, step_ns, was_set
 from irsbot_supervisor.core.estimation.estimate import Estimate, Silence, Speeds
 from irsbot_supervisor.core.estimation.frozen import Frozen, Suspicion
 from irsbot_supervisor.core.estimation.jumps import Jumps
@@ -55,13 +55,24 @@ class Estimator:
         last, jumps = self._last, self._jumps
         if last is None:
             return self._anew(sample, 0.0)
+        if step := step_ns(sample, last):
+            last = self._last = self._moved(last, step)
+            self._before = self._before and self._moved(self._before, step)
+            self._observer.clock_set(step)
+            self._reported.clock_set(step)
         passed, stamped = passed_s(sample, last), stamped_s(sample, last)
         clock_set = was_set(stamped, passed, self._stale_s)
         span = passed if clock_set else max(passed, stamped)
         if not jumps.away and self._last_was_wrong(sample, last, span):
             assert self._before is not None
-            silence = self._unseen(sample, self._before)
-            return self._anew(sample, self._expected(sample, passed, passed), HARD, silence=silence)
+            silence, expected = self._unseen(sample, self._before), self._expected(sample, passed, passed)
+            self._observer.without_last(self._before.speeds)
+            speeds = self._observer.update(sample.stamp_ns, sample.position)
+            if speeds is None:
+                return self._anew(sample, expected, HARD, silence=silence)
+            estimate = self._keep(sample, speeds, expected, HARD, silence=silence)
+            # What the last one hid is known with the next one: it would be a stop for a stamp.
+            return estimate if silence is not None else Rejected(Cause.IMPLAUSIBLE, HARD)
         if fault := jumps.fault(sample, last, span):
             if passed > self._stale_s:  # no glitch: it stays there
                 return self._anew(sample, self._expected(sample, passed, passed), branch_lost=JUMPED)
@@ -71,12 +82,17 @@ class Estimator:
         if suspicion.fault:
             return Rejected(Cause.IMPLAUSIBLE, suspicion.fault)
         expected, silence = self._expected(sample, passed, sent), self._unseen(sample, last)
-        if clock_set or silence is not None:
+        if clock_set or passed > self._stale_s:
             return self._anew(sample, expected, silence=silence, suspicion=suspicion)
         speeds = self._observer.update(sample.stamp_ns, sample.position)
         if speeds is None:
-            return self._anew(sample, expected, HARD, suspicion=suspicion)
-        return self._keep(sample, speeds, expected, suspicion=suspicion)
+            return self._anew(sample, expected, HARD, silence=silence, suspicion=suspicion)
+        return self._keep(sample, speeds, expected, silence=silence, suspicion=suspicion)
+
+    @staticmethod
+    def _moved(estimate: Estimate, step: int) -> Estimate:
+        """The same by a clock that was set."""
+        return estimate._replace(stamp_ns=estimate.stamp_ns + step, received_ns=estimate.received_ns + step)
 
     def _last_was_wrong(self, sample: Accepted, last: Estimate, span_s: float) -> bool:
         """Whether a sample that cannot follow the last one follows the one before it: then the last was stamped late,

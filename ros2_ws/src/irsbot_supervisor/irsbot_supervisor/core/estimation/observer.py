@@ -44,6 +44,16 @@ class Observer:
         self._any = Speeds(self._fastest, self._fastest)
         self._speeds = self._any
 
+    def without_last(self, speeds: Speeds) -> None:
+        """The last position was wrong. speeds: the bounds before it."""
+        if len(self._kept) > 1:
+            self._kept.pop()
+            self._speeds = speeds
+
+    def clock_set(self, step_ns: int) -> None:
+        """The clock that stamps was set: the past is moved with it."""
+        self._kept = deque((stamp_ns + step_ns, position) for stamp_ns, position in self._kept)
+
     def restart(self, stamp_ns: int, position: Floats) -> Speeds:
         """Nothing before counts: every joint may be as fast as it can."""
         self._kept.clear()

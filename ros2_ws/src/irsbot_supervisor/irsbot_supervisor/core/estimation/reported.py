@@ -46,6 +46,10 @@ class Reported:
             [round((4.0 * error / gain) ** 0.5 * S) for error, gain in zip(errors, self._gains, strict=True)]
         )
 
+    def clock_set(self, step_ns: int) -> None:
+        """The clock that stamps was set: the past is moved with it."""
+        self._kept = deque(kept._replace(stamp_ns=kept.stamp_ns + step_ns) for kept in self._kept)
+
     def restart(self) -> None:
         """Nothing before counts."""
         self._kept.clear()
