@@ -237,6 +237,15 @@ def test_after_a_restart_nothing_before_counts():
     assert observer.restart(BEGIN_NS, (0.0,)) == ((FASTEST,), (FASTEST,))  # an earlier stamp, too
 
 
+def test_positions_before_a_restart_tell_no_speeds_after_it():
+    """They are far behind: a joint that goes back would seem to go forward."""
+    observer = Observer(settings_for(1), coordinates(1, False))
+    fed(observer, lambda t: 0.0, 40)
+    observer.restart(BEGIN_NS + 40 * 10**6, (5.0,))
+    for answer in fed(observer, lambda t: 5.0 - FASTEST * (t - 0.04), 10, begin=41):
+        assert answer.backward[0] >= FASTEST - 1e-9
+
+
 def test_new_limits_hold_at_once_and_positions_stay_known():
     observer = Observer(settings_for(1), coordinates(1, False))
     fed(observer, lambda t: 2.0 * t, 40)

@@ -440,7 +440,7 @@ def test_a_silence_in_which_the_robot_may_have_met_a_type_2_singularity_latches_
     assert supervisor.step(sample(0, first)).state.level == Level.OK
     ends = [supervisor.robot.direct(q, supervisor.settings.assembly_mode)[1] for q in (first, then)]
     assert ends[0] * ends[1] < 0.0, "the platform has not changed sides: the fixture proves nothing"
-    steps = [supervisor.step(set_back(sample(ms, then), back_ms)) for ms in range(400, 700)]
+    steps = feed(supervisor, [set_back(one, back_ms) for one in resting(400, 700, then)])
     assert newest(steps).latched
     assert newest(steps).causes & Cause.BRANCH
     assert all(one.level != Level.OK for one in story(steps))

@@ -54,11 +54,11 @@ class Stopped:
 
 
 @pytest.mark.parametrize("rate", [6.0, -6.0, 11.0, 0.5])
-@pytest.mark.parametrize("begin", [0.0, 3.0])
+@pytest.mark.parametrize("at", [0.0, 3.14, -3.14])
 @pytest.mark.parametrize("harder", [1.0, 3.0])
-def test_a_stop_within_its_brakes_says_nothing_and_is_measured(rate, begin, harder):
-    """Also across half a turn."""
-    stopped = Stopped(rate, begin)
+def test_a_stop_within_its_brakes_says_nothing_and_is_measured(rate, at, harder):
+    """Also where it leads across half a turn. at: rad where the stop begins."""
+    stopped = Stopped(rate, at - 0.06 * rate)
     last = stopped.run(harder * BRAKE).last
     assert stopped.findings == []
     assert last is not None

@@ -20,6 +20,10 @@ OVERSPEED = 1.25
 """1: a joint that moves this much faster than its limit between two samples has not moved: the reading is wrong."""
 
 
+UNTRUSTED = 1e4
+"""rad/s or m/s: reported velocities that may be off by so much say nothing."""
+
+
 class InvalidSettings(ValueError):
     """Settings that cannot be used; the message names every fault with the values."""
 
@@ -68,7 +72,7 @@ class Settings:
     )
     deceleration_limit: tuple[float, ...] = _each_joint("rad/s2 or m/s2", "least braking of each joint", 1e-6, 1e6)
     velocity_tolerance: tuple[float, ...] = _each_joint(
-        "rad/s or m/s", "largest error of reported velocities; empty: they are not trusted", 0.0, 1e4, optional=True
+        "rad/s or m/s", "largest error of reported velocities; 10000: not trusted", 0.0, UNTRUSTED, optional=True
     )
     latency_s: float = _number(0.01, "s", "from the arrival of a sample to the first braking of the joints", 0.0, 1.0)
     stamp_jitter_s: float = _number(5e-5, "s", "largest error of a stamp against when positions were read", 0.0, 0.1)
@@ -115,6 +119,7 @@ def completed(values: Mapping[str, Any], robot: Robot) -> Settings:
         "working_mode": robot.mechanism.usual_working_mode,
         "assembly_mode": robot.mechanism.usual_assembly_mode,
         "acceleration_limit": given.get("deceleration_limit", ()),
+        "velocity_tolerance": (UNTRUSTED,) * n,
     }
     given.update({name: value for name, value in usual.items() if _is_open(given.get(name))})
     settings = Settings(**given)

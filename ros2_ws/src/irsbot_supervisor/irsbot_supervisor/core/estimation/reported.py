@@ -15,7 +15,7 @@ from irsbot_msgs_py.records import Floats
 from irsbot_supervisor.core.estimation.estimate import Speeds
 from irsbot_supervisor.core.estimation.observer import stamped_errors
 from irsbot_supervisor.core.intake import Accepted, S
-from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.core.settings import UNTRUSTED, Settings
 
 
 class Velocities(NamedTuple):
@@ -37,9 +37,9 @@ class Reported:
     def configure(self, settings: Settings) -> None:
         """New limits."""
         self._names, self._gains = settings.joint_names, settings.acceleration_limit
-        self._trust = bool(settings.velocity_tolerance)
+        self._trust = min(settings.velocity_tolerance) < UNTRUSTED
         slow = settings.standstill_speed
-        self._tolerances = settings.velocity_tolerance or (slow,) * len(self._names)
+        self._tolerances = settings.velocity_tolerance if self._trust else (slow,) * len(self._names)
         errors = stamped_errors(settings)
         self._errors = tuple([2.0 * error for error in errors])
         self._windows_ns = tuple(
