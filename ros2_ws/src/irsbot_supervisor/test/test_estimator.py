@@ -364,7 +364,7 @@ def test_a_gap_does_not_make_a_joint_that_stands_and_reports_motion_sound():
     watch(filter_, moving((1.0, 0.0), (1.0, 0.0), 0, 20))
     stuck = (0.019, 1.0)
     watch(filter_, [accepted(k, stuck, (1.0, 0.0)) for k in range(20, 50)])
-    assert good(filter_.update(accepted(65, stuck, (1.0, 0.0)))).silence is not None
+    good(filter_.update(accepted(65, stuck, (1.0, 0.0))))
     answers = watch(filter_, [accepted(k, stuck, (1.0, 0.0)) for k in range(66, 73)])
     assert implausible(answers[-1]), f"{STALE_MS} ms after it began to stand"
 
@@ -411,9 +411,8 @@ def test_noise_and_offsets_of_the_rates_of_a_standing_robot_are_no_motion():
 # --- silence ---------------------------------------------------------------------------------------------------------
 
 
-def test_a_gap_that_the_braking_path_covers_is_no_silence_and_a_longer_one_is():
-    """2 ms ahead and 10 ms of latency."""
-    for gap_ms, silent in ((11, False), (13, True), (49, True), (400, True)):
+def test_a_gap_is_a_silence_only_when_it_is_longer_than_stale():
+    for gap_ms, silent in ((11, False), (STALE_MS - 1, False), (STALE_MS + 1, True), (400, True)):
         filter_ = estimator()
         watch(filter_, moving((0.0, 0.0), (0.0, 0.0), 0, 200))
         assert (good(filter_.update(accepted(199 + gap_ms, (0.0, 1.0)))).silence is not None) is silent, gap_ms
@@ -489,22 +488,12 @@ def test_an_angle_may_have_gone_the_other_way_round():
     assert contains(answer, 0, begin - np.linspace(0.0, 4.2, 50))
 
 
-def test_a_sample_that_was_stamped_late_does_not_hide_the_silence_before_and_after_it():
-    """Read at 30 ms, stamped and sent at 40.2 ms; the next is of 46 ms, 17 after the one before."""
-    filter_ = estimator()
-    watch(filter_, moving((11.0, 0.0), (), 0, 30))
-    good(filter_.update(accepted(40.2, (0.33, 1.0), ())))
-    answer = good(filter_.update(accepted(46, (11e-3 * 46, 1.0), ())))
-    assert answer.silence is not None
-    assert contains(answer, 0, np.linspace(0.319, 0.506, 20))
-
-
 def test_positions_that_were_rejected_meanwhile_do_not_shorten_a_silence():
     filter_ = estimator()
     watch(filter_, moving((0.0, 0.0), (0.0, 0.0), 0, 200))
-    for k in range(200, 240):
+    for k in range(200, 250):
         assert implausible(filter_.update(accepted(k, (2.0, 1.0))))
-    back = good(filter_.update(accepted(240, (0.0, 1.0))))
+    back = good(filter_.update(accepted(251, (0.0, 1.0))))
     assert back.silence is not None
     assert back.speeds == ((SPEED,) * 2, (SPEED,) * 2)
 

@@ -205,7 +205,7 @@ def _move_limits_away(peer: Peer) -> None:
     peer.until(lambda: peer.verdicts[-1].config_hash != before or peer.verdicts[-1].latched, "the new limits")
     start = len(peer.verdicts)
     peer.until(lambda: len(peer.verdicts) > start + 20, "the causes have lapsed")
-    assert peer.verdicts[-1].level == Level.STOP, "a change of settings must not end a stop"
+    assert peer.verdicts[-1].level == Level.STOP, f"a change of settings must not end a stop: {peer.verdicts[-1].text}"
 
 
 def _reset(peer: Peer, tally: Tally, number: int, event: int, rng: random.Random, memory: _Memory | None) -> int:

@@ -213,7 +213,7 @@ class Supervisor:
         accepted = self._intake.check(sample)
         if isinstance(accepted, Rejected):
             return self._rejected(sample, accepted)
-        estimate = self._estimator.update(accepted)
+        estimate = self._estimator.update(accepted, self._latch.now.level >= Level.STOP)
         if isinstance(estimate, Rejected):
             return self._rejected(sample, estimate)
         assessment = self._assess(estimate)

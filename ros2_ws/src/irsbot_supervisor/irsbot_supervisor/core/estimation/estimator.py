@@ -39,20 +39,23 @@ class Estimator:
         self._rest: Floats = ()  # from where no joint has moved faster than the standstill speed
         self._rest_ns = 0  # and since when it has been there
         self._stood_ns = 0  # since when no joint has moved faster
+        self._held = False  # by a stop
         self.configure(settings)
 
     def configure(self, settings: Settings) -> None:
         """New limits; the last sample, and when samples have come, stay known."""
         self._stale_s, self._heartbeat_s, self._latency_s = settings.stale_s, settings.heartbeat_s, settings.latency_s
+        self._recovery = settings.recovery_share
         self._slow, self._step = settings.standstill_speed, 2.0 * settings.encoder_resolution
         self._reach = Reach(settings)
         self._gaps.configure(settings.stale_s)
         for part in (self._observer, self._reported, self._jumps, self._frozen):
             part.configure(settings)
 
-    def update(self, sample: Accepted) -> Estimate | Rejected:
-        """The estimate for a sample, or why the sample contradicts the motion so far."""
+    def update(self, sample: Accepted, held: bool = False) -> Estimate | Rejected:
+        """The estimate for a sample, or why the sample contradicts the motion so far. held: a stop is in force."""
         last, jumps = self._last, self._jumps
+        self._held = held
         if last is None:
             return self._anew(sample, 0.0)
         if step := step_ns(sample, last):
@@ -65,14 +68,10 @@ class Estimator:
         span = passed if clock_set else max(passed, stamped)
         if not jumps.away and self._last_was_wrong(sample, last, span):
             assert self._before is not None
-            silence, expected = self._unseen(sample, self._before), self._expected(sample, passed, passed)
+            expected = self._expected(sample, passed, passed)
             self._observer.without_last(self._before.speeds)
             speeds = self._observer.update(sample.stamp_ns, sample.position)
-            if speeds is None:
-                return self._anew(sample, expected, HARD, silence=silence)
-            estimate = self._keep(sample, speeds, expected, HARD, silence=silence)
-            # What the last one hid is known with the next one: it would be a stop for a stamp.
-            return estimate if silence is not None else Rejected(Cause.IMPLAUSIBLE, HARD)
+            return self._anew(sample, expected, HARD) if speeds is None else self._keep(sample, speeds, expected, HARD)
         if fault := jumps.fault(sample, last, span):
             if passed > self._stale_s:  # no glitch: it stays there
                 return self._anew(sample, self._expected(sample, passed, passed), branch_lost=JUMPED)
@@ -115,15 +114,22 @@ class Estimator:
         return expected + min(expected, JUDGING_S)
 
     def _unseen(self, sample: Accepted, since: Estimate) -> Silence | None:
-        """Where joints have been that went unseen since an earlier sample; None if its braking path holds all of it.
+        """Where joints have been that went unseen since an earlier sample; None if that was no silence.
 
         They brake as soon as the silence is known to be one. On the way from one end to the other no joint is farther
-        beyond them than half of what its way was longer, unless it may have gone the other way round.
+        beyond them than half of what its way was longer, unless it may have gone the other way round. A robot that
+        stood at a stop stays there, but for motion at recovery speed.
         """
         passed, age_s = passed_s(sample, since), since.ahead_s - since.expected_s  # the age when it came
-        if age_s + passed <= since.ahead_s + self._latency_s:
+        if passed <= self._stale_s:
             return None
         free_s = age_s + min(passed, self._stale_s + self._heartbeat_s) + self._latency_s
+        if self._held and since.standing_s >= self._stale_s:
+            ways = [self._recovery * fastest for fastest in self._reach.longest(free_s)]
+            moved, errors = self._jumps.moved(sample.position, since.position), self._reach.errors
+            rows = list(zip(since.position, moved, ways, errors, strict=True))
+            lowest = tuple([q + min(step, 0.0) - way - e for q, step, way, e in rows])
+            return Silence(lowest, tuple([q + max(step, 0.0) + way + e for q, step, way, e in rows]))
         ahead, back = self._reach.until_rest(since.speeds, free_s)
         moved, longest = self._jumps.moved(sample.position, since.position), self._reach.longest(age_s + passed)
         low, high = [], []
