@@ -36,15 +36,18 @@ WARM_UP = 0.2
 
 GROWTH = "memory [MB]"
 
-GOOD, NEAR = [0.0, -0.85], [0.0, -1.198]
-"""m: a pose far from every singularity, and one beyond the stop limits of Type 1 and Type 2."""
+GOOD, NEAR = [0.0, -0.85], [0.0, -1.17]
+"""m: a pose far from every singularity, and one beyond the stop limit of `CAUTIOUS`."""
+
+CAUTIOUS = {"type2_stop": 0.4, "type2_warn": 0.5}
+"""A robot beyond these limits is still far enough from the singularity: it may stand there when they are lowered."""
 
 AT_ONCE = 1000
 """Calls without waiting for an answer."""
 
 
 @contextmanager
-def _supervised(tally: Tally, pose: list[float]) -> Iterator[Peer]:
+def _supervised(tally: Tally, pose: list[float], settings: dict[str, Any] | None = None) -> Iterator[Peer]:
     """A supervisor of a robot at rest; whether it lives at the end is counted."""
     from irsbot_supervisor.campaign.peer import Peer
 
@@ -54,7 +57,7 @@ def _supervised(tally: Tally, pose: list[float]) -> Iterator[Peer]:
         Suite(Path(folder), domain) as suite,
         Peer(suite, domain) as peer,
     ):
-        suite.start(Node("supervisor", SUPERVISOR, {}))
+        suite.start(Node("supervisor", SUPERVISOR, settings or {}))
         suite.start(Node("robot", "irsbot_supervisor.campaign.flood_source", {"pose": pose}))
         peer.listen()
         peer.until(lambda: peer.verdicts and not peer.verdicts[-1].causes & Cause.NO_DATA, "the robot is judged")
@@ -177,7 +180,7 @@ def run_resets(job: Job) -> Row:
     one that stands well with a stop latched. Event numbers are right and wrong in turn."""
     tally, rng = Tally(RESETS, job), random.Random(job.seed)
     half = max(job.amount // 2, 1)
-    with _supervised(tally, NEAR) as peer:
+    with _supervised(tally, NEAR, CAUTIOUS) as peer:
         peer.until(lambda: peer.verdicts[-1].latched, "a stop")
         event = peer.verdicts[-1].event
         memory = _Memory(peer, tally, half)
@@ -188,7 +191,8 @@ def run_resets(job: Job) -> Row:
         _move_limits_away(peer)
         accepted = _reset(peer, tally, job.amount - half, event, rng, None)
         tally.many(0, failed=accepted != 1, note="" if accepted == 1 else f"one stop was reset {accepted} times")
-        peer.until(lambda: not peer.verdicts[-1].latched, "the stop ends")
+        # A pause of the machine may have stopped the robot again: that is another stop.
+        peer.until(lambda: not peer.verdicts[-1].latched or peer.verdicts[-1].event != event, "the stop ends")
     return tally.row()
 
 
@@ -214,7 +218,7 @@ def _reset(peer: Peer, tally: Tally, number: int, event: int, rng: random.Random
 
     client, accepted, done = peer.client(ResetStop, "supervisor/reset"), 0, 0
     while done < number:
-        events = [rng.choice((event, event, event + 1, 0)) for _ in range(min(AT_ONCE, number - done))]
+        events = [rng.choice((event, event, event + 1000, 0)) for _ in range(min(AT_ONCE, number - done))]
         answers = [client.call_async(ResetStop.Request(event=e, operator_text="x" * 50)) for e in events]
         for answer in answers:
             peer.until(answer.done, "all answers")
