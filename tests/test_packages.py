@@ -17,6 +17,7 @@ SRC = Path(__file__).parents[1] / "ros2_ws" / "src"
 PACKAGES = ("irsbot_kinematics", "irsbot_msgs_py", "irsbot_supervisor")
 
 KEYS = {
+    "contourpy": "python3-matplotlib",  # which draws contours by it
     "matplotlib": "python3-matplotlib",
     "numpy": "python3-numpy",
     "psutil": "python3-psutil",
@@ -27,7 +28,7 @@ KEYS = {
 }
 """Module -> rosdep key of an Ubuntu 24.04 package. ROS packages are their own keys."""
 
-WITHOUT_KEY = {"mcap", "lz4", "zstandard", "polars", "rosbags"}
+WITHOUT_KEY = {"mcap", "lz4", "zstandard", "plotly", "polars", "rosbags"}
 """Not packaged by Ubuntu 24.04 under a key that needs no pip; who needs one is told so in a sentence."""
 
 
