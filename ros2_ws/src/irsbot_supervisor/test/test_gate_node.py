@@ -36,15 +36,23 @@ RATE_HZ = 200.0
 STOP = 0.15
 """The stop limit of the Type 1 margin of irsbot2, as shipped."""
 
+MACHINE = {"velocity_limit": [1.0], "acceleration_limit": [40.0], "deceleration_limit": [40.0]}
+LATE = {"stale_s": 0.2, "sample_gap_s": 0.2}
+"""Slow drives, and samples that may come as late as on a busy machine: the gate leaves room for both."""
+
+ROOM = 0.35
+"""1: what the Type 1 margin changes at most while such drives go on for `sample_gap_s`, judging, `latency_s` and the
+lag of the gate, brake, and both legs turn against each other: by less than 1/rad each, 0.24 rad and 0.0125 rad."""
+
 
 class Station:
     """One gated robot, what is sent to it, and what its gate lets through."""
 
     def __init__(self, wire: Wire) -> None:
         self.wire = wire
-        self.cell = Cell(wire)
+        self.cell = Cell(wire, **MACHINE, **LATE)
         self.cell.say = lambda _ns: None  # the simulated joints speak
-        drives = {"robot": "irsbot2", "scenario": STANDING, "gated": True, "rate_hz": RATE_HZ}
+        drives = {"robot": "irsbot2", "scenario": STANDING, "gated": True, "rate_hz": RATE_HZ, **MACHINE}
         self.cell.suite.start(Node("simulated_joints", JOINTS, drives, GATED))
         node, deep = self.cell.node, QoSProfile(depth=1000)
         self.velocities: list[Floats] = []
@@ -83,7 +91,7 @@ class Station:
         self.until(lambda: len(self.motions) > before, "an answer of the gate")
         return self.motions[before]
 
-    def drive(self, goal: Floats, seconds: float = 1.0) -> Floats:
+    def drive(self, goal: Floats, seconds: float = 2.5) -> Floats:
         """Until the robot stands at the end of what the gate makes of a motion, which is returned. A machine that is
         too busy for its samples makes the gate hold; then the motion is commanded again, as an operator would."""
         deadline = time.monotonic() + PATIENCE_S
@@ -152,7 +160,7 @@ def test_a_commanded_velocity_moves_the_joints_and_ends_with_the_commands(statio
 def test_commanded_at_a_limit_the_robot_comes_to_rest_before_it_and_is_not_stopped(station: Station):
     events = station.cell.verdicts[-1].event
     station.wanted = (1.0, -1.0)
-    station.until(lambda: min(station.cell.states[-1].type1_margin) < STOP + 0.05, "nearness of the limit")
+    station.until(lambda: min(station.cell.states[-1].type1_margin) < STOP + ROOM, "nearness of the limit")
     station.until(lambda: max(map(abs, station.cell.states[-1].joint_velocity)) < 0.3, "rest")
     assert station.cell.verdicts[-1].event == events
     assert min(min(state.type1_margin) for state in station.cell.states if state.level < Level.UNKNOWN) >= STOP
@@ -177,7 +185,7 @@ def test_a_safe_trajectory_is_driven_to_its_end(station: Station):
 def test_a_trajectory_through_a_limit_ends_in_front_of_it(station: Station):
     events = station.cell.verdicts[-1].event
     start = station.joints
-    end = station.drive((start[0] + 1.9, start[1] - 1.9), seconds=2.0)
+    end = station.drive((start[0] + 1.9, start[1] - 1.9), seconds=4.0)
     assert 1.0 < end[0] - start[0] < 1.8  # both legs are straight after 1.76 rad
     assert min(station.cell.states[-1].type1_margin) >= STOP
     assert station.cell.verdicts[-1].event == events

@@ -93,6 +93,18 @@ class Supervision:
         assert self._met.done(), f"in vain after {len(self._heard)} samples, the last {self._heard[-1:]}"
         return self._heard
 
+    def look(self, seconds: float) -> list[JointSample]:
+        """The samples heard within a time."""
+        self._heard, self._condition, over = [], lambda heard: False, Future()
+        timer = self.node.create_timer(seconds, lambda: over.set_result(None))
+        self._executor.spin_until_future_complete(over, timeout_sec=PATIENCE_S)
+        self.node.destroy_timer(timer)
+        return self._heard
+
+    def listen_again(self) -> None:
+        """A second subscription of the joint states."""
+        self.node.create_subscription(JointState, "joint_states", lambda data: None, QoSProfile(depth=1000), raw=True)
+
     def close(self) -> None:
         self._executor.shutdown()
         self.node.destroy_node()
@@ -278,3 +290,12 @@ def test_joints_that_hear_no_supervisor_say_once_where_they_listen():
     assert "no verdict on /supervisor/verdict" in said
     assert "-r supervisor/verdict:=NAME/verdict" in said
     assert "no verdict" not in rest
+
+
+def test_the_first_sample_waits_for_the_listeners_that_were_announced(supervision: Supervision):
+    with simulated_joints(listeners=2):
+        while not supervision.node.count_publishers("joint_states"):
+            assert supervision.look(0.1) == []
+        assert supervision.look(1.5) == []  # three times as long as without listeners to wait for
+        supervision.listen_again()
+        assert supervision.until(bool)

@@ -269,6 +269,7 @@ def test_an_unknown_scenario_robot_or_file_is_refused_with_what_is_known(tmp_pat
         ({"rate_hz": 0.0}, "rate_hz is 0.0, must be in 1..20000"),
         ({"rate_hz": float("nan")}, "rate_hz is nan"),
         ({"speed": 2.0}, "speed is 2.0"),
+        ({"listeners": -1}, "listeners is -1"),
         ({"start_delay_s": float("inf")}, "start_delay_s"),
     ],
 )

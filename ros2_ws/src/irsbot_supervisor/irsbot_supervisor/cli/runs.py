@@ -42,6 +42,9 @@ from irsbot_supervisor.suite import (
     free_domain,
 )
 
+LISTENERS = 2
+"""Supervisor and recorder: both have a run from its first sample on."""
+
 STARTING_S = 30.0
 """s after which a supervisor that says nothing counts as stuck; it takes two on a quiet machine."""
 
@@ -91,6 +94,7 @@ def demo(
     read_settings(robot_name)  # refused here, in one sentence, rather than by a node
     target = folder or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-{plan.name}"
     values: dict[str, Any] = {"robot": robot_name, "scenario": scenario, "start_delay_s": START_DELAY_S}
+    values["listeners"] = LISTENERS
     if seconds is not None:
         values["cycle_s"] = seconds
     limit_s = _length(plan, values, robot_name) + START_DELAY_S + GRACE_S
@@ -167,7 +171,7 @@ def up(
         suite.start(Node("recorder", RECORDER, {"output": str(target / BAG)}))
         suite.start(Node("kinematics", KINEMATICS, {"robot": robot}))
         suite.start(Node("supervisor", SUPERVISOR, {"robot": robot}))
-        drives = {"robot": robot, "scenario": STANDING if gate else scenario, "gated": gate}
+        drives = {"robot": robot, "scenario": STANDING if gate else scenario, "gated": gate, "listeners": LISTENERS}
         suite.start(Node("simulated_joints", JOINTS, drives, GATED if gate else {}))
         out.print(f"up on DDS domain {domain}, logs and bag under {target}; Ctrl-C ends it")
         _watch_over(suite)

@@ -28,7 +28,7 @@ from irsbot_supervisor.core.motion import BadTrajectory
 from irsbot_supervisor.core.policy import KINDS, WORDS
 from irsbot_supervisor.core.reach import Reach, position_error
 from irsbot_supervisor.core.settings import Settings
-from irsbot_supervisor.core.stopping import BoxBounds, floor_of, limits_of
+from irsbot_supervisor.core.stopping import MORE_HALVINGS, BoxBounds, floor_of, limits_of
 
 STRETCH = 64
 """Segments that are tried in one box first."""
@@ -173,7 +173,7 @@ class _Walk:
         ahead_s: float | None,
     ) -> None:
         self._mechanism = robot.mechanism
-        self._cuts = 2 ** len(robot.mechanism.joints)  # each joint once
+        self._cuts = MORE_HALVINGS * 2 ** len(robot.mechanism.joints)  # as many as before a robot is stopped
         self._bounds = BoxBounds(robot.mechanism, settings.geometry_tolerance_m)
         self._reach, self._ahead_s, self._latency_s = Reach(settings), ahead_s, settings.latency_s
         self._excess = np.array(excess(settings, 0.5 * ahead_s)) if ahead_s is not None else np.zeros(0)

@@ -79,6 +79,7 @@ class Settings:
     recovery_share: float = _number(0.05, "1", "share of the velocity limits for motion away from a stop", 1e-3, 0.5)
     command_timeout_s: float = _number(0.1, "s", "a velocity command through the gate counts for so long", 1e-3, 1.0)
     stale_s: float = _number(0.05, "s", "a good sample older than this is no knowledge", 0.001, 10.0)
+    sample_gap_s: float = _number(0.0, "s", "the next sample may always come so late; 0: as learned", 0.0, 10.0)
     heartbeat_s: float = _number(0.01, "s", "longest silence between verdicts", 0.001, 0.02)
     age_limit_s: float = _number(0.05, "s", "oldest acceptable stamp on arrival", 0.001, 10.0)
     future_limit_s: float = _number(0.02, "s", "how far ahead of our clock a stamp may be", 0.0, 10.0)
@@ -182,6 +183,8 @@ def _cross_faults(settings: Settings, robot: Robot) -> list[str]:
             faults.append(f"{kind}_warn ({warn!r}) must be at least {kind}_stop ({stop!r})")
     if not settings.heartbeat_s <= settings.stale_s:
         faults.append(f"heartbeat_s ({settings.heartbeat_s!r}) must not exceed stale_s ({settings.stale_s!r})")
+    if not settings.sample_gap_s <= settings.stale_s:
+        faults.append(f"sample_gap_s ({settings.sample_gap_s!r}) must not exceed stale_s ({settings.stale_s!r})")
     names = settings.joint_names
     if len(names) != len(robot.mechanism.joints) or len(set(names)) != len(names):
         faults.append(f"joint_names {list(names)} must be {len(robot.mechanism.joints)} different names")

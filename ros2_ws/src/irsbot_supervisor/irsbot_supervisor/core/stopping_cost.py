@@ -102,7 +102,8 @@ def _places(settings: Settings, mechanism: Mechanism) -> list[Posture]:
 def _cost(
     what: str, settings: Settings, mechanism: Mechanism, period_s: float, best: Posture | None, places: list[Posture]
 ) -> Cost:
-    free_s = period_s + min(period_s, JUDGING_S) + settings.latency_s
+    gap_s = max(period_s, settings.sample_gap_s)
+    free_s = gap_s + min(gap_s, JUDGING_S) + settings.latency_s
     fastest = Speeds(settings.velocity_limit, settings.velocity_limit)
     rest = box_ways(settings, speeds_at_rest(settings, mechanism.joints, period_s), free_s)[0]
     full = box_ways(settings, fastest, free_s)[0]

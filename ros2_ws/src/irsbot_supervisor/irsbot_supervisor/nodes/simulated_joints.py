@@ -32,7 +32,7 @@ from irsbot_supervisor.sim.faults import FaultInjector, parse_faults
 from irsbot_supervisor.sim.obedience import Obedience
 from irsbot_supervisor.sim.simulation import build
 
-STREAM = QoSProfile(depth=200, reliability=ReliabilityPolicy.RELIABLE)
+STREAM = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 TOO_LATE_NS = 50_000_000
@@ -43,8 +43,11 @@ LONELY_S = 5.0
 """s without a verdict after which that is said; a supervisor takes two to start on a quiet machine."""
 
 SETTLE_NS = 500_000_000
-"""ns from the birth of the publisher to its first sample: who is there already has found it by then, so that a recorder
-has the run from its first sample on."""
+"""ns from the birth of the publisher to its first sample at least: who is there already has found it by then on a quiet
+machine. A recorder that shall have the run from its first sample on is waited for by the setting `listeners`."""
+
+LISTENERS_NS = 10_000_000_000
+"""ns from the birth of the publisher for which listeners are waited for."""
 
 
 class SimulatedJointsNode(Node):
@@ -62,7 +65,7 @@ class SimulatedJointsNode(Node):
         self._commands: SimpleQueue[Command] = SimpleQueue()
         self._rates: SimpleQueue[tuple[float, ...]] = SimpleQueue()
         self._outlets = [self.create_publisher(JointState, "joint_states", STREAM)]
-        self._begin_ns = time.monotonic_ns() + SETTLE_NS
+        self._born_ns, self._begun = time.monotonic_ns(), False
         self.create_subscription(Verdict, "supervisor/verdict", self._on_verdict, LATCHED, raw=True)
         self.create_subscription(JointTrajectory, "joint_trajectory", self._on_trajectory, 10)
         self.create_subscription(Float64MultiArray, "joint_velocity", self._on_velocity, 10)
@@ -90,7 +93,7 @@ class SimulatedJointsNode(Node):
         if self._simulation.gated and not allowed > 0.0:
             self._machine.drives.follow((), (), ())  # what was commanded before a stop is forgotten
         reading = self._machine.step(self._simulation.period_s, allowed)
-        if due_ns < self._begin_ns or time.monotonic_ns() - due_ns > TOO_LATE_NS:
+        if not self._begins(due_ns) or time.monotonic_ns() - due_ns > TOO_LATE_NS:
             return
         stamp_ns = self._ros_time.of(due_ns)
         sample = JointSample(stamp_ns, stamp_ns, due_ns, self._simulation.joint_names, *reading)
@@ -98,6 +101,15 @@ class SimulatedJointsNode(Node):
         self._open(1 + max((sent.publisher for sent in stream), default=0))
         for sent in stream:
             self._outlets[sent.publisher].publish(encode_joint_state(sent.sample))
+
+    def _begins(self, due_ns: int) -> bool:
+        """Whether samples may be sent."""
+        if not self._begun and due_ns >= self._born_ns + SETTLE_NS:
+            heard, wanted = self._outlets[0].get_subscription_count(), self._simulation.listeners
+            self._begun = heard >= wanted or due_ns >= self._born_ns + LISTENERS_NS
+            if self._begun and heard < wanted:
+                self.get_logger().warning(f"{heard} subscriptions of the joint states, {wanted} are expected")
+        return self._begun
 
     def _open(self, outlets: int) -> None:
         """A fault may ask for a second publisher, as long as it acts."""

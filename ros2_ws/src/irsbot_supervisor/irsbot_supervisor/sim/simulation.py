@@ -39,6 +39,7 @@ class Simulation:
     speed: float = _setting(1.0, "1", "factor (0..1] on all speeds of the scenario")
     cycle_s: float = _setting(0.0, "s", "how long the scenario's cycle is repeated; 0: as the scenario says")
     start_delay_s: float = _setting(0.0, "s", "standing still at first, whatever the verdict")
+    listeners: int = _setting(0, "1", "subscriptions of the joint states that are waited for before the first sample")
     rate_hz: float = _setting(1000.0, "Hz", "samples per second, 1..20000")
     latency_s: float = _setting(0.0, "s", "from a verdict's arrival to its effect on the drives")
     obey: bool = _setting(True, "", "brake on STOP, UNKNOWN and silence; false: the supervisor is ignored")
@@ -79,6 +80,7 @@ def simulation_from(values: Mapping[str, Any], robot: Robot) -> Simulation:
         ("rate_hz", 1.0, 20000.0),
         ("speed", 0.0, 1.0),
         ("latency_s", 0.0, 10.0),
+        ("listeners", 0, 100),
         ("command_timeout_s", 1e-3, 10.0),
     ):
         if not low <= getattr(simulation, name) <= high:

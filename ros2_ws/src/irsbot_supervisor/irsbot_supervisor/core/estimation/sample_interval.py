@@ -54,12 +54,13 @@ class Gaps:
     no gap: it is known when it lasts, and how often samples come is learned anew after it."""
 
     def __init__(self) -> None:
-        self._silence_s = inf
+        self._silence_s, self._stated_s = inf, 0.0
         self._learned_ns: int | None = None  # when the last silence ended
         self._longest = SecondLargest()
 
-    def configure(self, silence_s: float) -> None:
-        """silence_s: a gap that is longer is a silence."""
+    def configure(self, silence_s: float, stated_s: float) -> None:
+        """silence_s: a gap that is longer is a silence. stated_s: a gap of this length is always expected."""
+        self._stated_s = stated_s
         if silence_s != self._silence_s:
             self._silence_s = silence_s
             self._longest.keep(silence_s)
@@ -73,7 +74,7 @@ class Gaps:
             self._learned_ns = seen_ns
             return silence_s
         gap_s = stamped_s if passed_s < stamped_s <= silence_s else passed_s
-        return self._longest.second(seen_ns, gap_s, SETTLING * silence_s * S) or gap_s
+        return max(self._longest.second(seen_ns, gap_s, SETTLING * silence_s * S) or gap_s, self._stated_s)
 
     def steady_s(self, seen_ns: int) -> float:
         """s since the last silence."""
