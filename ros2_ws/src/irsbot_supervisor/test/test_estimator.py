@@ -158,6 +158,14 @@ def test_one_gap_does_not_announce_another_but_a_slower_pace_does():
     assert ahead == pytest.approx([0.0, 0.002, 0.002, 0.002, 0.002, 0.002, 0.01, 0.01, 0.01, 0.025, 0.025])
 
 
+def test_a_stated_gap_is_expected_before_any_came_so_late():
+    filter_ = estimator(sample_gap_s=0.03)
+    times = [0, 1, 2, 30, 31, 71, 111]
+    ahead = [good(filter_.update(accepted(t, (0.0, 1.0)))).ahead_s for t in times]
+    assert ahead[1:6] == pytest.approx([0.035] * 5)  # and 5 ms for judging
+    assert ahead[6] == pytest.approx(0.045)  # what came later than stated twice is learned
+
+
 @pytest.mark.parametrize("burst", [2, 5, 20, 40])
 def test_samples_that_come_in_bursts_are_as_rare_as_their_bursts(burst):
     filter_, ahead = estimator(), []

@@ -126,6 +126,12 @@ def test_a_warning_below_the_stop_is_refused_with_both_numbers(kind):
     assert getattr(same, f"{kind}_warn") == 0.12
 
 
+def test_a_stated_gap_that_is_a_silence_is_refused_with_both_numbers():
+    said = refused(sample_gap_s=0.06, stale_s=0.05)
+    assert "sample_gap_s (0.06)" in said
+    assert "stale_s (0.05)" in said
+
+
 def test_a_heartbeat_slower_than_the_limit_of_staleness_is_refused_with_both_numbers():
     said = refused(heartbeat_s=0.02, stale_s=0.01)
     assert "heartbeat_s (0.02)" in said

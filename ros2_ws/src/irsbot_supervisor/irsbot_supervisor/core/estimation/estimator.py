@@ -39,7 +39,6 @@ class Estimator:
         self._rest: Floats = ()  # from where no joint has moved faster than the standstill speed
         self._rest_ns = 0  # and since when it has been there
         self._stood_ns = 0  # since when no joint has moved faster
-        self._held = False  # by a stop
         self.configure(settings)
 
     def configure(self, settings: Settings) -> None:
@@ -55,7 +54,6 @@ class Estimator:
     def update(self, sample: Accepted, held: bool = False) -> Estimate | Rejected:
         """The estimate for a sample, or why the sample contradicts the motion so far. held: a stop is in force."""
         last, jumps = self._last, self._jumps
-        self._held = held
         if last is None:
             return self._anew(sample, 0.0)
         if step := step_ns(sample, last):
@@ -80,13 +78,13 @@ class Estimator:
         suspicion = self._frozen.look(sample, jumps.moved(sample.position, last.position), sent)
         if suspicion.fault:
             return Rejected(Cause.IMPLAUSIBLE, suspicion.fault)
-        expected, silence = self._expected(sample, passed, sent), self._unseen(sample, last)
+        expected = self._expected(sample, passed, sent)
         if clock_set or passed > self._stale_s:
-            return self._anew(sample, expected, silence=silence, suspicion=suspicion)
+            return self._anew(sample, expected, silence=self._unseen(sample, last, held), suspicion=suspicion)
         speeds = self._observer.update(sample.stamp_ns, sample.position)
         if speeds is None:
-            return self._anew(sample, expected, HARD, silence=silence, suspicion=suspicion)
-        return self._keep(sample, speeds, expected, silence=silence, suspicion=suspicion)
+            return self._anew(sample, expected, HARD, suspicion=suspicion)
+        return self._keep(sample, speeds, expected, suspicion=suspicion)
 
     @staticmethod
     def _moved(estimate: Estimate, step: int) -> Estimate:
@@ -113,7 +111,7 @@ class Estimator:
         expected = self._gaps.expected(sample.seen_ns, passed_s, stamped_s)
         return expected + min(expected, JUDGING_S)
 
-    def _unseen(self, sample: Accepted, since: Estimate) -> Silence | None:
+    def _unseen(self, sample: Accepted, since: Estimate, held: bool) -> Silence | None:
         """Where joints have been that went unseen since an earlier sample; None if that was no silence.
 
         They brake as soon as the silence is known to be one. On the way from one end to the other no joint is farther
@@ -124,7 +122,7 @@ class Estimator:
         if passed <= self._stale_s:
             return None
         free_s = age_s + min(passed, self._stale_s + self._heartbeat_s) + self._latency_s
-        if self._held and since.standing_s >= self._stale_s:
+        if held and since.standing_s >= self._stale_s:
             ways = [self._recovery * fastest for fastest in self._reach.longest(free_s)]
             moved, errors = self._jumps.moved(sample.position, since.position), self._reach.errors
             rows = list(zip(since.position, moved, ways, errors, strict=True))
