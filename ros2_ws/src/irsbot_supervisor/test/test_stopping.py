@@ -208,9 +208,11 @@ def near_a_limit(name: str) -> tuple[Settings, irs.Robot, irs.Posture]:
     for at in postures(name, least=0.3):
         quick = StoppingPredictor(settings, robot.mechanism).predict(at, rest, 0.002, (0.0,) * 4)
         for more in (0.002, 0.01, 0.03):
-            limit = {f"{kind}_warn": min(quick[:2]) + more for kind in ("type1", "type2")}
+            kinds = ("type1_warn", "type1_stop", "type2_warn", "type2_stop")
+            limit = dict.fromkeys(kinds, min(quick[:2]) + more)
             changed = replace(settings, **limit)
-            if StoppingPredictor(changed, robot.mechanism).predict(at, rest, 0.002)[1] >= limit["type2_warn"]:
+            floor = StoppingPredictor(changed, robot.mechanism).predict(at, rest, 0.002)
+            if spare_of(floor, limits_of(changed, "stop")) >= 0.0:
                 return changed, robot, at
     raise AssertionError("no such posture: the fixture proves nothing")
 

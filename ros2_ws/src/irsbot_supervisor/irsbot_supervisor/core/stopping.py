@@ -176,13 +176,11 @@ class StoppingPredictor:
             return proved.floor
         wide, floor = _wider(low, high), nothing_of(at)
         for goal in self._usual:
-            floor = self._bounds.least(at, *wide, (goal,))
-            if spare_of(floor, goal[0]) >= 0.0:
-                self._proved = Proved(*wide, floor)
-                return floor
-            floor = self._bounds.least(at, low, high, (goal,))
-            if spare_of(floor, goal[0]) >= 0.0:
-                return floor
+            for box in (wide, (low, high)):
+                floor = self._bounds.least(at, *box, (goal,))
+                if spare_of(floor, goal[0]) >= 0.0:
+                    self._proved = Proved(*box, floor)
+                    return floor
         return floor
 
     def once(self, at: Posture, speeds: Speeds, ahead_s: float) -> Margins:

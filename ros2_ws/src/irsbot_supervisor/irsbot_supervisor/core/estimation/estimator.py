@@ -188,18 +188,18 @@ class Estimator:
             expected_s + (age / S if age > 0 else 0.0),
             expected_s,
             self._gaps.steady_s(sample.seen_ns),
-            0.0 if suspicion.speeds else self._standing_s(sample, velocities.rates),
+            0.0 if suspicion.speeds else self._standing_s(sample),
             branch_lost or suspicion.branch_lost,
             silence,
         )
         self._before, self._last = self._last, estimate
         return estimate
 
-    def _standing_s(self, sample: Accepted, rates: Floats) -> float:
+    def _standing_s(self, sample: Accepted) -> float:
         """s for which no joint has moved faster than the standstill speed, by what is reported and by its positions:
         from where it was `stale_s` ago or less."""
         now_ns, since_s = sample.seen_ns, (sample.seen_ns - self._rest_ns) / S
-        if self._rest and not any(abs(rate) > self._slow for rate in rates):
+        if self._rest and not any(abs(rate) > self._slow for rate in sample.velocity):
             most = self._slow * since_s + self._step
             if all(-most <= way <= most for way in self._jumps.moved(sample.position, self._rest)):
                 if since_s > self._stale_s:
