@@ -25,7 +25,7 @@ from irsbot_msgs_py.records import (
     Tick,
     Verdict,
 )
-from irsbot_supervisor.core.assess import SOLVED, Assessment, Assessor, slopes
+from irsbot_supervisor.core.assess import SOLVED, Assessment, Assessor, Margins, slopes
 from irsbot_supervisor.core.estimation.estimate import Estimate
 from irsbot_supervisor.core.estimation.estimator import Estimator
 from irsbot_supervisor.core.estimation.sample_interval import SETTLING
@@ -36,7 +36,7 @@ from irsbot_supervisor.core.policy import KINDS, Policy
 from irsbot_supervisor.core.report import Reporter
 from irsbot_supervisor.core.settings import LEAST_LIMIT, InvalidSettings, Settings
 from irsbot_supervisor.core.stop_monitor import MeasuredStop, StopMonitor
-from irsbot_supervisor.core.stopping import PATIENT_CUTS, BoxBounds, StoppingPredictor
+from irsbot_supervisor.core.stopping import PATIENT_CUTS, BoxBounds, StoppingPredictor, limits_of, spare_of
 
 APART = ((-inf, LEAST_LIMIT, -inf, -inf), PATIENT_CUTS)
 """What has to be proved of a silence: that no Type 2 singularity was met, and how much may be done for it once."""
@@ -234,8 +234,10 @@ class Supervisor:
         floor = predict(at, estimate.speeds, estimate.ahead_s)
         reaction = self._reporter.reaction(estimate, assessment)
         # Of a first sample nobody knows how fast the joints are; the level is UNKNOWN for a while anyway.
-        counts = assessment.margins if first else floor
+        counts = assessment.margins if first else self._counts(at, estimate, floor)
         found = self._policy.judge(estimate, assessment, counts, reaction, self._latch.now.causes)
+        if counts is not floor and not first:
+            found.append(self._policy.rare(estimate, floor))
         found = self._found = [*found, *self._stops.look(estimate)]
         escape: Floats = ()
         if found and not self._latch.latched and any(finding.level == Level.STOP for finding in found):
@@ -246,6 +248,15 @@ class Supervisor:
             self._stops.begin(estimate)
         level = max([finding.level for finding in found]) if found else Level.OK
         return self._reporter.solved(estimate, assessment, floor, reaction, self._samples, level, _causes(found))
+
+    def _counts(self, at: Posture, estimate: Estimate, floor: Margins) -> Margins:
+        """What counts of the margins until standstill: where they stop the robot only because samples have come late,
+        what they would be in time."""
+        in_time, stop = estimate.in_time, limits_of(self.settings, "stop")
+        if in_time is None or self._latch.latched or spare_of(floor, stop) >= 0.0:
+            return floor
+        better = self._predictor.predict(at, *in_time, stop)
+        return better if spare_of(better, stop) >= 0.0 else floor
 
     def _rejected(self, sample: JointSample, why: Rejected) -> SingularityState:
         self.rejections[why.cause] = self.rejections.get(why.cause, 0) + 1

@@ -122,6 +122,15 @@ class Policy:
         text = f"after a silence samples have come for {steady_s * 1e3:.0f} ms, {need}"
         return Finding(Cause.STALE, Level.UNKNOWN, steady_s, self._settling, "s", text)
 
+    def rare(self, estimate: Estimate, floor: Margins) -> Finding:
+        """Samples have come so late that the robot could not be stopped in time, though it could if they came as they
+        are sent: nothing is wrong with where it is. floor: the margins until standstill."""
+        lack = [least - stop for least, stop in zip(floor, self._stop, strict=True)]
+        k = lack.index(min(lack))
+        late = f"samples come late, by now the next may be judged {estimate.expected_s * 1e3:.0f} ms after this one"
+        text = f"{late}: {WORDS[KINDS[k]]} cannot be shown to stay above {self._stop[k]:.4f} before standstill"
+        return Finding(Cause.STALE, Level.UNKNOWN, floor[k], self._stop[k], "1", text)
+
     @staticmethod
     def _branch(assessment: Assessment) -> list[Finding]:
         if not assessment.branch_fault:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from irsbot_kinematics.mechanism import Coordinate
 from irsbot_msgs_py.records import Cause, Floats
 from irsbot_supervisor.core.estimation.clock_steps import passed_s, stamped_s, step_ns, was_set
-from irsbot_supervisor.core.estimation.estimate import Estimate, Silence, Speeds
+from irsbot_supervisor.core.estimation.estimate import Estimate, InTime, Silence, Speeds
 from irsbot_supervisor.core.estimation.frozen import Frozen, Suspicion
 from irsbot_supervisor.core.estimation.jumps import Jumps
-from irsbot_supervisor.core.estimation.observer import Observer
+from irsbot_supervisor.core.estimation.observer import Observer, excess
 from irsbot_supervisor.core.estimation.reported import Reported
 from irsbot_supervisor.core.estimation.sample_interval import Gaps, SecondLargest
 from irsbot_supervisor.core.intake import Accepted, Rejected, S
@@ -24,6 +26,14 @@ LEAD_NS = 10 * S
 HARD = "a joint speeds up faster than acceleration_limit, or stamps are off by more than stamp_jitter_s"
 JUMPED = "a joint jumped farther than it can move"
 CERTAIN = Suspicion()
+
+
+class Wait(NamedTuple):
+    """Time until the next sample has come and been judged."""
+
+    expected_s: float
+    usual_s: float  # as the sender goes on now
+    late: bool  # whether samples have come more rarely than that
 
 
 class Estimator:
@@ -44,7 +54,7 @@ class Estimator:
     def configure(self, settings: Settings) -> None:
         """New limits; the last sample, and when samples have come, stay known."""
         self._stale_s, self._heartbeat_s, self._latency_s = settings.stale_s, settings.heartbeat_s, settings.latency_s
-        self._recovery = settings.recovery_share
+        self._settings, self._recovery = settings, settings.recovery_share
         self._slow, self._step = settings.standstill_speed, 2.0 * settings.encoder_resolution
         self._reach = Reach(settings)
         self._gaps.configure(settings.stale_s, settings.sample_gap_s)
@@ -55,7 +65,7 @@ class Estimator:
         """The estimate for a sample, or why the sample contradicts the motion so far. held: a stop is in force."""
         last, jumps = self._last, self._jumps
         if last is None:
-            return self._anew(sample, 0.0)
+            return self._anew(sample, Wait(0.0, 0.0, False))
         if step := step_ns(sample, last):
             last = self._last = self._moved(last, step)
             self._before = self._before and self._moved(self._before, step)
@@ -106,10 +116,10 @@ class Estimator:
         joints = zip(moved, ahead, back, errors, strict=True)
         return all(-down - 2.0 * e <= way <= up + 2.0 * e for way, up, down, e in joints)
 
-    def _expected(self, sample: Accepted, passed_s: float, stamped_s: float) -> float:
-        """s until the next sample has come and been judged."""
-        expected = self._gaps.expected(sample.seen_ns, passed_s, stamped_s)
-        return expected + min(expected, JUDGING_S)
+    def _expected(self, sample: Accepted, passed_s: float, stamped_s: float) -> Wait:
+        interval = self._gaps.expected(sample.seen_ns, passed_s, stamped_s)
+        longest_s, usual_s = interval.longest_s, interval.usual_s
+        return Wait(longest_s + min(longest_s, JUDGING_S), usual_s + min(usual_s, JUDGING_S), interval.late)
 
     def _unseen(self, sample: Accepted, since: Estimate, held: bool) -> Silence | None:
         """Where joints have been that went unseen since an earlier sample; None if that was no silence.
@@ -141,7 +151,7 @@ class Estimator:
     def _anew(
         self,
         sample: Accepted,
-        expected_s: float,
+        wait: Wait,
         degraded: str = "",
         branch_lost: str = "",
         silence: Silence | None = None,
@@ -154,13 +164,13 @@ class Estimator:
         if suspicion is CERTAIN:
             self._frozen.restart()
         speeds = self._observer.restart(sample.stamp_ns, sample.position)
-        return self._keep(sample, speeds, expected_s, degraded, branch_lost, silence, suspicion)
+        return self._keep(sample, speeds, wait, degraded, branch_lost, silence, suspicion)
 
     def _keep(
         self,
         sample: Accepted,
         speeds: Speeds,
-        expected_s: float,
+        wait: Wait,
         degraded: str = "",
         branch_lost: str = "",
         silence: Silence | None = None,
@@ -176,6 +186,7 @@ class Estimator:
                 tuple(map(max, speeds.forward, suspicion.speeds)),
                 tuple([max(speed, -said) for speed, said in zip(speeds.backward, suspicion.speeds, strict=True)]),
             )
+        age_s = age / S if age > 0 else 0.0
         estimate = Estimate(
             sample.stamp_ns,
             sample.received_ns,
@@ -185,15 +196,23 @@ class Estimator:
             sample.effort,
             speeds,
             degraded or velocities.fault,
-            expected_s + (age / S if age > 0 else 0.0),
-            expected_s,
+            wait.expected_s + age_s,
+            wait.expected_s,
             self._gaps.steady_s(sample.seen_ns),
             0.0 if suspicion.speeds else self._standing_s(sample),
             branch_lost or suspicion.branch_lost,
             silence,
+            self._in_time(velocities.rates, speeds, wait, age_s) if wait.late else None,
         )
         self._before, self._last = self._last, estimate
         return estimate
+
+    def _in_time(self, rates: Floats, speeds: Speeds, wait: Wait, age_s: float) -> InTime:
+        """The speeds as the observer would bound them, around what the joints seem to do."""
+        joints = list(zip(rates, *speeds, excess(self._settings, 0.5 * wait.usual_s), strict=True))
+        forward = [min(up, max(rate, 0.0) + e) if rate == rate else up for rate, up, _down, e in joints]
+        backward = [min(down, max(-rate, 0.0) + e) if rate == rate else down for rate, _up, down, e in joints]
+        return InTime(Speeds(tuple(forward), tuple(backward)), age_s + wait.usual_s)
 
     def _standing_s(self, sample: Accepted) -> float:
         """s for which no joint has moved faster than the standstill speed, by what is reported and by its positions:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import inf
+from typing import NamedTuple
 
 from irsbot_supervisor.core.intake import S
 
@@ -48,6 +49,14 @@ class SecondLargest:
         self._since_ns = None
 
 
+class Interval(NamedTuple):
+    """Time until the next sample, s."""
+
+    longest_s: float  # as late as it may come
+    usual_s: float  # as the sender goes on now; at most as long
+    late: bool  # whether that is less, or less than it took the last sample to come
+
+
 class Gaps:
     """How long nothing may come. One gap does not announce another, but two do: the second longest of the last while
     counts, by the sender's stamps or by our clock, so that samples in bursts are as rare as their bursts. A silence is
@@ -55,6 +64,7 @@ class Gaps:
 
     def __init__(self) -> None:
         self._silence_s, self._stated_s = inf, 0.0
+        self._sent_s = inf  # between the last two samples, for the sender
         self._learned_ns: int | None = None  # when the last silence ended
         self._longest = SecondLargest()
 
@@ -65,16 +75,19 @@ class Gaps:
             self._silence_s = silence_s
             self._longest.keep(silence_s)
 
-    def expected(self, seen_ns: int, passed_s: float, stamped_s: float) -> float:
-        """s until the next sample may come, after a gap that has just ended. passed_s, stamped_s: how long it was by
-        our clock and by the sender's, which may also have been set."""
-        silence_s = self._silence_s
+    def expected(self, seen_ns: int, passed_s: float, stamped_s: float) -> Interval:
+        """When the next sample may come, after a gap that has just ended. passed_s, stamped_s: how long it was by our
+        clock and by the sender's, which may also have been set."""
+        silence_s, usual_s = self._silence_s, max(min(stamped_s, self._sent_s), self._stated_s)
+        self._sent_s = stamped_s
         if passed_s > silence_s:
             self._longest.forget()
             self._learned_ns = seen_ns
-            return silence_s
+            return Interval(silence_s, silence_s, False)
         gap_s = stamped_s if passed_s < stamped_s <= silence_s else passed_s
-        return max(self._longest.second(seen_ns, gap_s, SETTLING * silence_s * S) or gap_s, self._stated_s)
+        longest_s = self._longest.second(seen_ns, gap_s, SETTLING * silence_s * S) or gap_s
+        longest_s = max(longest_s, self._stated_s)
+        return Interval(longest_s, min(usual_s, longest_s), max(longest_s, stamped_s) > usual_s)
 
     def steady_s(self, seen_ns: int) -> float:
         """s since the last silence."""
