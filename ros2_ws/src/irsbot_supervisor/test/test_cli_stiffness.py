@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 
 import matplotlib.image
 import numpy as np
@@ -11,26 +10,8 @@ import pytest
 import yaml
 
 from irsbot_kinematics import stiffness
-from irsbot_supervisor.cli.app import main
 
 LOAD = ("--payload", 1.5, "--acceleration", 60)
-
-
-@pytest.fixture
-def irsbot(monkeypatch, capsys):
-    """Runs `irsbot ...` and gives exit code, standard output and standard error."""
-
-    def run(*words):
-        monkeypatch.setattr(sys, "argv", ["irsbot", *map(str, words)])
-        try:
-            main()
-            code = 0
-        except SystemExit as end:
-            code = end.code or 0
-        said = capsys.readouterr()
-        return code, said.out, said.err
-
-    return run
 
 
 @pytest.mark.parametrize("command", [("stiffness",), ("design", "size")])
