@@ -148,7 +148,7 @@ def _margin_facts(design: Structure, pose: tuple[float, ...], load: Load) -> dic
     at = robot.posture(robot.inverse(pose, design.working_mode))
     found = stiffness.pose_errors(design, np.array([pose]), load)
     slack = float(found.slack_m[0])
-    sure = design.mechanism.guarantee(at, (0.0,) * len(at.joints), slack)
+    sure = design.mechanism.guarantee_sharp(at, (0.0,) * len(at.joints), slack)
     return {
         "load": {**asdict(load), "total_force_n": load.force},
         "slack_m": slack,
@@ -226,7 +226,7 @@ def _bound(
     out.print(f"of that {1e3 * found.refinement_m:.2g} mm because sampling more finely still raised it")
     moved, across = 1e3 * found.displacement_m, 1e3 * found.lateral_m
     out.print(f"the platform point moves by at most {moved:.4g} mm in the plane, {across:.4g} mm across it")
-    out.print(f"setting for the supervisor: geometry_tolerance_m: {found.slack_m:.6g}, added to the one you have")
+    out.print(f"settings for the supervisor: compliance: counted, compliance_slack_m: {found.slack_m:.6g}")
 
 
 def _map(
