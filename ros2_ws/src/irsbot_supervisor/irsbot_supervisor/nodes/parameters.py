@@ -42,7 +42,9 @@ def declare_settings(node: Node) -> tuple[Settings, Robot]:
             default = defaults[name]
             declared = list(default) if isinstance(default, tuple) else default
             changes[name] = node.declare_parameter(name, declared, _descriptor(entry.metadata)).value
-    return read_settings(robot_name, {name: _plain(value) for name, value in changes.items()})
+    settings, robot = read_settings(robot_name, {name: _plain(value) for name, value in changes.items()})
+    node.set_parameters([Parameter("compliance_slack_m", value=settings.compliance_slack_m)])  # as found from the tubes
+    return settings, robot
 
 
 class ChangingSettings:
