@@ -8,12 +8,13 @@ import sys
 from pathlib import Path
 
 import pytest
-import yaml
 
-from irsbot_kinematics import robots, stiffness
+from irsbot_kinematics import Robot, robots, stiffness
 from irsbot_kinematics.conformance import LAWS
+from irsbot_kinematics.design.rectangle import Limits
 from irsbot_kinematics.mechanisms import TOPOLOGIES
 from irsbot_msgs_py.records import Cause
+from irsbot_supervisor.settings_file import read_settings, read_values
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = sorted((ROOT / "docs" / "examples").glob("*.py"))
@@ -77,14 +78,31 @@ def test_every_mechanism_has_its_drawing_and_every_drawing_is_small() -> None:
     assert f"tries {len(LAWS) + 1} laws" in page
 
 
-def test_the_design_file_of_the_stiffness_page_is_one(tmp_path: Path) -> None:
-    (block,) = re.findall(r"```yaml\n(.*?)```", (ROOT / "docs" / "stiffness.md").read_text(), re.DOTALL)
+def test_the_files_of_the_stiffness_page_are_used_as_they_stand(tmp_path: Path) -> None:
+    page = (ROOT / "docs" / "stiffness.md").read_text()
+    design, settings = re.findall(r"```yaml\n(.*?)```", page, re.DOTALL)
     path = tmp_path / "page.yaml"
-    said = yaml.safe_load(block)
+    path.write_text(design)
     shipped = stiffness.load("irsbot2_table2")
-    lengths = {key: f"{value} m" for key, value in vars(shipped.mechanism.geometry).items()}
-    said["geometry"] = lengths | said["geometry"]
-    path.write_text(yaml.safe_dump(said))
-    design = stiffness.load(path)
-    assert stiffness.mass(design) == pytest.approx(stiffness.mass(shipped))
+    assert stiffness.mass(stiffness.load(path)) == pytest.approx(stiffness.mass(shipped))
+    path.write_text(settings)
+    found, _robot = read_settings("five_bar", read_values(path))
+    assert f"here it is {1e3 * found.slack_m:.2f} mm" in page
     assert (ROOT / "docs" / "pictures" / "stiffness.png").stat().st_size < 60_000
+
+
+def test_the_example_of_bending_on_the_stiffness_page_is_what_the_bounds_say() -> None:
+    """Table 2 with 1.5 kg at 60 m/s2, at (0, -0.8) and over the box that the page names."""
+    page = (ROOT / "docs" / "stiffness.md").read_text()
+    design = stiffness.load("irsbot2_table2")
+    load = stiffness.Load(payload_kg=1.5, acceleration_m_s2=60.0)
+    over_all = stiffness.compliance_error(design, load, Limits(0.15, 0.15, 0.04), ((-0.35, 0.35), (-0.95, -0.6)))
+    assert f"margins of at least 0.15, 0.15 and 0.04: slack {1e3 * over_all.slack_m:.1f} mm" in page
+    slack = float(stiffness.pose_errors(design, [(0.0, -0.8)], load).slack_m[0])
+    robot = Robot(design.mechanism)
+    at = robot.posture(robot.inverse((0.0, -0.8)))
+    bounds = [bound(at, (0.0, 0.0), slack) for bound in (design.mechanism.guarantee, design.mechanism.guarantee_sharp)]
+    type2, constraint = max(b.type2 for b in bounds), max(b.constraint for b in bounds)
+    assert f"At (0, -0.8) alone it is {1e3 * slack:.1f} mm" in page
+    assert f"Type 2 margin of {at.type2:.3f} at least {type2:.3f} is left" in page
+    assert f"constraint margin of {at.constraint:.3f} at least {constraint:.3f}" in page

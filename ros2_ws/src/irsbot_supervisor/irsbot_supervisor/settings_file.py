@@ -10,6 +10,7 @@ from typing import Any
 import yaml
 
 from irsbot_kinematics import Robot, load_robot, make_robot
+from irsbot_supervisor.bending import with_bending
 from irsbot_supervisor.core.limits import settings_from
 from irsbot_supervisor.core.settings import InvalidSettings, Settings
 
@@ -33,12 +34,13 @@ def shipped_values(robot: Robot) -> dict[str, Any]:
 
 
 def read_settings(robot_name: str, changes: Mapping[str, Any] | None = None) -> tuple[Settings, Robot]:
-    """Checked settings and the robot they are for; `changes` replace shipped values.
+    """Checked settings and the robot they are for; `changes` replace shipped values. What bending adds is found here.
 
     Raises InvalidSettings, or what the robot's file raises.
     """
     robot = robot_of(robot_name)
-    return settings_from({**shipped_values(robot), **(changes or {}), "robot": robot_name}, robot), robot
+    values = {**shipped_values(robot), **(changes or {}), "robot": robot_name}
+    return settings_from(with_bending(values, robot), robot), robot
 
 
 def read_values(path: Path) -> dict[str, Any]:

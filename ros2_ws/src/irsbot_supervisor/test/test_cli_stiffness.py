@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 
 import matplotlib.image
 import numpy as np
@@ -11,26 +10,8 @@ import pytest
 import yaml
 
 from irsbot_kinematics import stiffness
-from irsbot_supervisor.cli.app import main
 
 LOAD = ("--payload", 1.5, "--acceleration", 60)
-
-
-@pytest.fixture
-def irsbot(monkeypatch, capsys):
-    """Runs `irsbot ...` and gives exit code, standard output and standard error."""
-
-    def run(*words):
-        monkeypatch.setattr(sys, "argv", ["irsbot", *map(str, words)])
-        try:
-            main()
-            code = 0
-        except SystemExit as end:
-            code = end.code or 0
-        said = capsys.readouterr()
-        return code, said.out, said.err
-
-    return run
 
 
 @pytest.mark.parametrize("command", [("stiffness",), ("design", "size")])
@@ -54,13 +35,7 @@ def test_a_pose_gives_the_numbers_of_the_library(irsbot):
     margins = said["margins"]
     assert margins["load"]["total_force_n"] == pytest.approx(1.5 * (9.80665 + 60.0))
     for name in ("type1", "type2", "constraint"):
-        assert 0.0 <= margins["bent_at_least"][name] < margins["rigid"][name]
-
-
-@pytest.mark.xfail(reason="open: certified bounds with the slack of a bent robot are too loose to show more than 0")
-def test_the_margins_of_a_bent_robot_are_shown_not_to_vanish(irsbot):
-    _, out, _ = irsbot("stiffness", "irsbot2_table2", 0, -0.8, "--mass", 1.5, *LOAD, "--json")
-    assert min(json.loads(out)["margins"]["bent_at_least"].values()) > 0.0
+        assert 0.0 < margins["bent_at_least"][name] < margins["rigid"][name]
 
 
 def test_the_pages_for_people_show_the_same_numbers(irsbot):
@@ -99,7 +74,7 @@ def test_the_bound_over_a_workspace_is_the_setting_it_names(irsbot):
     said = json.loads(out)
     code, out, _ = irsbot("stiffness", "irsbot2_table2", "--bound", *LOAD, *box)
     assert code == 0
-    assert f"geometry_tolerance_m: {said['slack_m']:.6g}" in out
+    assert f"compliance: counted, compliance_slack_m: {said['slack_m']:.6g}" in out
 
 
 def test_a_map_is_a_picture_or_its_numbers(irsbot, tmp_path):

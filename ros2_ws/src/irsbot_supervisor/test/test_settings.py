@@ -78,6 +78,15 @@ def test_bags_and_yaml_files_that_say_off_mean_none(tmp_path, said):
     assert settings_of(**read_values(file))[0].reaction_check == "none"
 
 
+@pytest.mark.parametrize("said", ["on", "'on'", "yes", "true", "counted"])
+def test_yaml_files_that_say_on_mean_counted(tmp_path, said):
+    file = tmp_path / "mine.yaml"
+    file.write_text(f"compliance: {said}\ncompliance_slack_m: 0.0005\n")
+    assert settings_of(**read_values(file))[0].compliance == "counted"
+    file.write_text(f"reaction_check: {said}\n")
+    assert "must be one of none, warn, stop" in refused(**read_values(file))
+
+
 def test_no_word_of_a_setting_is_something_else_in_yaml():
     for entry in fields(Settings):
         for word in entry.metadata.get("words") or ():

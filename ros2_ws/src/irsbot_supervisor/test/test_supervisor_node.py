@@ -38,10 +38,12 @@ from std_msgs.msg import Bool, String
 from trajectory_msgs.msg import JointTrajectoryPoint
 from visualization_msgs.msg import Marker, MarkerArray
 
+import irsbot_kinematics as irs
 from irsbot_msgs_py.records import Bypass, Cause, JointSample, Level
 from irsbot_supervisor.core.stop_monitor import MeasuredStop
 from irsbot_supervisor.journal import read_entry
 from irsbot_supervisor.nodes.diagnostics import DiagnosticsPublisher
+from irsbot_supervisor.settings_file import read_settings
 
 pytestmark = [
     pytest.mark.ros,
@@ -232,6 +234,24 @@ def test_a_typed_value_that_means_nothing_is_refused(cell: Cell, name: str, text
     (result,) = cell.call(SetParameters, "supervisor/set_parameters", request).results
     assert not result.successful
     assert result.reason
+
+
+def test_bending_that_counts_is_found_at_the_start_and_cannot_grow_unsaid(wire: Wire):
+    mine = {"compliance": "on", "tubes": "five_bar_table1"}
+    cell = Cell(wire, robot="five_bar", **mine)
+    cell.say = resting(tuple(irs.make_robot("five_bar").inverse((0.1, -0.7)).tolist()))
+    cell.heard_level(Level.OK)
+    request = GetParameters.Request(names=["compliance_slack_m"])
+    (found,) = cell.call(GetParameters, "supervisor/get_parameters", request).values
+    assert found.double_value == pytest.approx(read_settings("five_bar", mine)[0].slack_m)
+    said = "load_force_n lets the robot bend more: set compliance_slack_m in the same call"
+    assert cell.set(load_force_n=20.0) == (False, said)
+    assert cell.set(load_force_n=20.0, compliance_slack_m=2.0 * found.double_value) == (True, "")
+    assert cell.set(load_force_n=10.0) == (True, "")
+    accepted, reason = cell.set(compliance_slack_m=0.0)
+    assert not accepted
+    assert "compliance_slack_m is 0.0" in reason
+    assert cell.set(compliance="none")[0] is False  # only at the start
 
 
 def test_a_latched_stop_survives_a_change_of_settings_and_ends_by_the_right_reset_alone(wire: Wire):

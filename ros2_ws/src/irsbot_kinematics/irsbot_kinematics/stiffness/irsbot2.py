@@ -27,6 +27,10 @@ FLAT_TOL = 1e-4
 """1: sine of the angle below which a parallelogram counts as flat, or a rod as lying along its elbow. The compliance
 grows with the inverse square, so at this size it is good to 1e-8 and below it soon to nothing."""
 
+TILT_SHARE = 0.1
+"""1: share of a1. A platform that tilts turns its wrist axes, and with them what the rods hold, however near the rods'
+ends are to P. Found by sampling: of random robots down to p = 0.02 mm none loses more than 0.4 of what is taken off."""
+
 
 @dataclass(frozen=True)
 class Irsbot2Structure(Structure):
@@ -63,6 +67,10 @@ class Irsbot2Structure(Structure):
     def bars(self) -> int:
         """Proximal bars per leg."""
         return 2 if self.spacing > 0.0 else 1
+
+    @property
+    def tilt_lever_m(self) -> float:
+        return TILT_SHARE * self.geometry.a1
 
     def parts(self) -> dict[str, Part]:
         g, sections = self.geometry, self.sections

@@ -103,11 +103,7 @@ def matrix(design: Design, pose: ArrayLike = ()) -> Array:
     """
     if isinstance(design, ChainStructure):
         return design.stiffness
-    if _single(pose):
-        found = answers(design, np.atleast_2d(pose))
-        _refuse(design, found, pose, need_inverse=False)
-        return found.stiffness[0]  # type: ignore[no-any-return]
-    return answers(design, pose).stiffness
+    return _of_poses(design, pose, need_inverse=False)[0]
 
 
 def compliance(design: Design, pose: ArrayLike = ()) -> Array:
@@ -117,11 +113,7 @@ def compliance(design: Design, pose: ArrayLike = ()) -> Array:
     """
     if isinstance(design, ChainStructure):
         return design.compliance
-    if _single(pose):
-        found = answers(design, np.atleast_2d(pose))
-        _refuse(design, found, pose, need_inverse=True)
-        return found.compliance[0]  # type: ignore[no-any-return]
-    return answers(design, pose).compliance
+    return _of_poses(design, pose, need_inverse=True)[1]
 
 
 def deflection(design: Design, pose: ArrayLike, wrench: ArrayLike) -> Array:
@@ -168,6 +160,16 @@ def frequency(design: Design, pose: ArrayLike, mass_kg: float, inertia: ArrayLik
     largest = np.linalg.eigvalsh(root.T @ C[known] @ root)[..., -1]  # of M^1/2 C M^1/2: 1/omega^2
     found[known] = 1.0 / (2.0 * np.pi * np.sqrt(largest))
     return found if found.ndim else float(found)
+
+
+def _of_poses(design: Structure, pose: ArrayLike, *, need_inverse: bool) -> tuple[Array, Array]:
+    """Stiffness and compliance of many poses, or of one; what refuses that is raised."""
+    if not _single(pose):
+        many = answers(design, pose)
+        return many.stiffness, many.compliance
+    one = answers(design, np.atleast_2d(pose))
+    _refuse(design, one, pose, need_inverse=need_inverse)
+    return one.stiffness[0], one.compliance[0]
 
 
 def _single(pose: ArrayLike) -> bool:

@@ -98,6 +98,11 @@ class Structure(ABC):
         """Length that makes moments comparable with forces."""
         return self.mechanism.length_m
 
+    @property
+    def tilt_lever_m(self) -> float:
+        """m: what turns the platform by 1 rad counts at least as what displaces a rod's end there by so much."""
+        return 0.0
+
     def fitted(self: S, mechanism: Mechanism, working_mode: Signs | None = None) -> S:
         """The same tubes on the lengths of another robot of the family, for example of the one that is supervised.
 

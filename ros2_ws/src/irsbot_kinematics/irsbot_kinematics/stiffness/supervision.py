@@ -6,9 +6,10 @@ longer or shorter by |dl|. A rod of its nominal length and direction that ends a
 
     slack = |dH| + |dG - dP| + |dl|,     |dl| <= |u . v| + |v|^2 / 2(l - |v|),  v = dG - dH
 
-from where the rigid crank holds it. That is `slack_m` of `Mechanism.guarantee`: an error of a leg's length and place.
-First order in the load, exact in the lengths; loads across the plane of motion do not change the planar loop.
-Ours; proved against 3-D frames by sampling.
+from where the rigid crank holds it: the directions of the bent rods are those of a machine whose legs are held by the
+base within `slack` of their places, which `Mechanism.guarantee` covers as `slack_m`. So it holds for Type 2; Type 1 and
+the constraint margin, see docs/stiffness.md. First order in the load, exact in the lengths; loads across the plane of
+motion do not change the planar loop. Ours; proved against 3-D frames by sampling.
 """
 
 from __future__ import annotations
@@ -101,7 +102,7 @@ def pose_errors(design: Structure, poses: ArrayLike, load: Load) -> PoseErrors:
     for rows, legs, status, _ in postures(design, X):
         (planar, ok_p), (lateral, ok_l) = compliances(design, legs.planar.sum(axis=-1), legs.lateral.sum(axis=-1))
         good = (status == Status.SOLVED) & ~legs.singular & ok_p & ok_l
-        slack = _slack(legs, planar, load)
+        slack = _slack(legs, planar, load, design.tilt_lever_m)
         inside = _largest(planar[:2], load)
         across = np.abs(lateral[0, 0]) * load.force + np.hypot(lateral[0, 1], lateral[0, 2]) * load.moment_nm
         for column, values in zip(found, (slack, inside, across), strict=True):
@@ -146,7 +147,7 @@ def compliance_error(
     return ComplianceError(slack, displacement, lateral, pose, max(added[0], 0.0), samples, load, limits)
 
 
-def _slack(legs: Legs, planar: Array, load: Load) -> Array:
+def _slack(legs: Legs, planar: Array, load: Load, tilt_lever_m: float) -> Array:
     """(N,) the larger slack of both legs. planar: (3, 3, N) compliance."""
     near = np.einsum("ijnk,jmn->imnk", legs.elbow, planar)
     gx, gz = legs.grip
@@ -158,7 +159,9 @@ def _slack(legs: Legs, planar: Array, load: Load) -> Array:
     size = _largest(v, load)
     stretch = np.hypot(along[0], along[1]) * load.force + np.abs(along[2]) * load.moment_nm
     left = np.where(length > size, length - size, np.nan)
-    slack = _largest(near, load) + _largest(rider, load) + stretch + 0.5 * size**2 / left
+    tilt = np.hypot(turn[0], turn[1]) * load.force + np.abs(turn[2]) * load.moment_nm
+    carried = tilt * np.maximum(np.hypot(gx, gz), tilt_lever_m)  # |dG - dP|, or more
+    slack = _largest(near, load) + carried + stretch + 0.5 * size**2 / left
     worst: Array = np.where(np.isnan(slack), np.inf, slack).max(axis=-1)
     return worst
 

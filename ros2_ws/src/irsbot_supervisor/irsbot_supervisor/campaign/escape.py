@@ -144,7 +144,7 @@ def _uncertain(guided: GuidedRobot, kinds: list[int]) -> float:
     settings, mechanism, view = guided.settings, guided.supervisor.robot.mechanism, guided.supervisor.view
     assert view is not None, "a stopped robot is known"
     errors = (position_error(settings),) * len(mechanism.joints)
-    floor = floor_of(mechanism.guarantee(view.at, errors, settings.geometry_tolerance_m))
+    floor = floor_of(mechanism.guarantee(view.at, errors, settings.slack_m))
     return max(margins_of(view.at)[kind] - floor[kind] for kind in kinds)
 
 

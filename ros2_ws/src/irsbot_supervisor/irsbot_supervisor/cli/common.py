@@ -11,6 +11,7 @@ from typing import Any, NoReturn
 
 import typer
 from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from irsbot_kinematics import BadInput, Robot
 from irsbot_supervisor.settings_file import robot_of
@@ -71,6 +72,18 @@ def sign_text(mode: Sequence[int]) -> str:
 def robot_named(name: str) -> Robot:
     """A preset or YAML file. Raises UnknownRobot, BadInput, InvalidGeometry."""
     return robot_of(name)
+
+
+def progress_bar() -> Progress:
+    """A bar on stderr that goes when it is done; its tasks need a total."""
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=err,
+        transient=True,
+    )
 
 
 def print_json(value: Any) -> None:

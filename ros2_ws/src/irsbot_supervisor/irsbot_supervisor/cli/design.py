@@ -10,7 +10,6 @@ from typing import Annotated, Any
 
 import typer
 import yaml
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from irsbot_kinematics import BadInput
 from irsbot_kinematics import design as space
@@ -21,7 +20,17 @@ from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2Geometry
 from irsbot_kinematics.robot_file import read_robot
 from irsbot_supervisor.cli import design_facts as facts
 from irsbot_supervisor.cli import design_tables as tables
-from irsbot_supervisor.cli.common import Failed, err, existing, measure, numbers, out, print_json, sign_text, signs
+from irsbot_supervisor.cli.common import (
+    Failed,
+    existing,
+    measure,
+    numbers,
+    out,
+    print_json,
+    progress_bar,
+    sign_text,
+    signs,
+)
 from irsbot_supervisor.column_stream import write_chunks
 
 app = typer.Typer(
@@ -200,7 +209,7 @@ def search_(
     task = Task(size, slack, zone, limits, ranges, seed, population, generations)
     other_name, other = _design(compare, None)
     try:
-        with _bar() as progress:
+        with progress_bar() as progress:
             bar = progress.add_task("generation", total=generations)
             found = search(task, lambda at, best: progress.update(bar, completed=at, description=f"{best:.4f} m2"))
     except NoDesign as error:
@@ -246,20 +255,9 @@ def _tell(path: Path | None) -> None:
         out.print(f"written: {path}", markup=False)
 
 
-def _bar() -> Progress:
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        console=err,
-        transient=True,
-    )
-
-
 def _watched(plan: Plan, totals: dict[str, int]) -> Iterator[Columns]:
     """The chunks of a sweep, with a progress bar and running totals of what people ask for first."""
-    with _bar() as progress:
+    with progress_bar() as progress:
         bar = progress.add_task("designs", total=len(plan))
         for chunk in space.sweep(plan):
             for name in ("valid", "distal_free", *(f"zone_{zone}" for zone in ZONES)):

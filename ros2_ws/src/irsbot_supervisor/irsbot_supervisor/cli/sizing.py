@@ -8,12 +8,11 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
 from irsbot_kinematics import BadInput, stiffness
 from irsbot_kinematics.stiffness import Structure, Task
-from irsbot_supervisor.cli.common import err, existing, measure, out, print_json
+from irsbot_supervisor.cli.common import existing, measure, out, print_json, progress_bar
 from irsbot_supervisor.cli.stiffness import changes
 
 
@@ -59,7 +58,7 @@ def size(
         x, z = np.meshgrid(np.linspace(box[0], box[1], 5), np.linspace(box[2], box[3], 4))
         ranges["poses"] = np.column_stack([x.ravel(), z.ravel()])
     task = Task(start, largest, mean, tubes=tuple(tube or ()), **ranges, **search)
-    with _bar() as progress:
+    with progress_bar() as progress:
         bar = progress.add_task("generation", total=generations)
         found = stiffness.size(task, lambda at, best: progress.update(bar, completed=at, description=f"{best:.4g} kg"))
     if output:
@@ -106,14 +105,3 @@ def _print(found: stiffness.Sized) -> None:
     for active in found.active:
         table.add_row(active.name, f"{active.value:.6g}", f"{active.limit:.6g}")
     out.print(table)
-
-
-def _bar() -> Progress:
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        console=err,
-        transient=True,
-    )

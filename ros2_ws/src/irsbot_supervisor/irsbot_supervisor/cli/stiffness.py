@@ -148,14 +148,19 @@ def _margin_facts(design: Structure, pose: tuple[float, ...], load: Load) -> dic
     at = robot.posture(robot.inverse(pose, design.working_mode))
     found = stiffness.pose_errors(design, np.array([pose]), load)
     slack = float(found.slack_m[0])
-    sure = design.mechanism.guarantee(at, (0.0,) * len(at.joints), slack)
+    mechanism, still = design.mechanism, (0.0,) * len(at.joints)
+    sure = [bound(at, still, slack) for bound in (mechanism.guarantee, mechanism.guarantee_sharp)]
     return {
         "load": {**asdict(load), "total_force_n": load.force},
         "slack_m": slack,
         "displacement_m": float(found.displacement_m[0]),
         "lateral_m": float(found.lateral_m[0]),
         "rigid": {"type1": min(at.type1), "type2": at.type2, "constraint": at.constraint},
-        "bent_at_least": {"type1": min(sure.type1), "type2": sure.type2, "constraint": sure.constraint},
+        "bent_at_least": {
+            "type1": max(min(one.type1) for one in sure),
+            "type2": max(one.type2 for one in sure),
+            "constraint": max(one.constraint for one in sure),
+        },
     }
 
 
@@ -226,7 +231,7 @@ def _bound(
     out.print(f"of that {1e3 * found.refinement_m:.2g} mm because sampling more finely still raised it")
     moved, across = 1e3 * found.displacement_m, 1e3 * found.lateral_m
     out.print(f"the platform point moves by at most {moved:.4g} mm in the plane, {across:.4g} mm across it")
-    out.print(f"setting for the supervisor: geometry_tolerance_m: {found.slack_m:.6g}, added to the one you have")
+    out.print(f"settings for the supervisor: compliance: counted, compliance_slack_m: {found.slack_m:.6g}")
 
 
 def _map(

@@ -52,7 +52,7 @@ class Assessor:
     def configure(self, settings: Settings) -> None:
         """New tolerances; a lost branch stays lost."""
         lever = max(self._mechanism.length_m if joint.is_angle else 1.0 for joint in self._mechanism.joints)
-        self._contact = CONTACT_TOL_M + lever * settings.encoder_offset + settings.geometry_tolerance_m
+        self._contact = CONTACT_TOL_M + lever * settings.encoder_offset + settings.slack_m
 
     def assess(self, joints: Floats, lost_track: str, proved: bool = False) -> Assessment:
         """The posture of joint positions. A posture that is not assembled has NaN margins. lost_track: why nobody

@@ -174,7 +174,7 @@ class _Walk:
     ) -> None:
         self._mechanism = robot.mechanism
         self._cuts = MORE_HALVINGS * 2 ** len(robot.mechanism.joints)  # as many as before a robot is stopped
-        self._bounds = BoxBounds(robot.mechanism, settings.geometry_tolerance_m)
+        self._bounds = BoxBounds(robot.mechanism, settings.slack_m)
         self._reach, self._ahead_s, self._latency_s = Reach(settings), ahead_s, settings.latency_s
         self._excess = np.array(excess(settings, 0.5 * ahead_s)) if ahead_s is not None else np.zeros(0)
         self._assembly = assembly_mode or settings.assembly_mode
@@ -184,7 +184,7 @@ class _Walk:
         self._motion = motion
         self._stop = limits
         self._error = position_error(settings)
-        self._slack_m = settings.geometry_tolerance_m
+        self._slack_m = settings.slack_m
         self._minima = [(inf, 0.0)] * len(KINDS)
         self._here = begin  # at the end of what is settled
 

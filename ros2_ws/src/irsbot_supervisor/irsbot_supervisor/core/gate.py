@@ -90,7 +90,7 @@ class Gate:
         self._stop = limits_of(settings, "stop")
         self._keep = _raised(self._stop)
         self._error = (position_error(settings),) * len(settings.velocity_limit)
-        self._slack_m = settings.geometry_tolerance_m
+        self._slack_m = settings.slack_m
 
     def velocity(self, wanted: Sequence[float], view: View | None) -> Allowed:
         """The part of commanded joint velocities (rad/s or m/s, robot order) that is allowed until the next call."""

@@ -187,7 +187,7 @@ def _next_to(places: list[Posture], base: Settings, mechanism: Mechanism, kind: 
     if not places or margins_of(places[0])[kind] == inf:
         return _Near(0.0, (0.0,) * len(mechanism.joints), 0.0)
     reach = [position_error(base)] * len(mechanism.joints)
-    slack = base.geometry_tolerance_m
+    slack = base.slack_m
     errors = [margins_of(at)[kind] - floor_of(mechanism.guarantee(at, reach, slack))[kind] for at in places]
     signed = [slopes(mechanism, at, kind) for at in places]
     lost = sorted([_lost(mechanism, at, slope, kind, ways) for at, slope in zip(places, signed, strict=True)])

@@ -43,6 +43,10 @@ def settings_from(values: Mapping[str, Any], robot: Robot) -> Settings:
 
 def contradictions(settings: Settings, mechanism: Mechanism) -> list[str]:
     """What cannot hold together in settings that are valid one by one: at most one fault, with both its numbers."""
+    if settings.compliance == "counted" and not settings.compliance_slack_m > 0.0:
+        return [
+            "compliance is counted, but compliance_slack_m is 0.0: state it, or name the robot's tubes at its start"
+        ]
     found = postures(settings, mechanism)
     if len(found.joints) < FEWEST:
         return []
@@ -72,10 +76,12 @@ def _said(settings: Settings, mechanism: Mechanism, joint: int, found: Room) -> 
     kind, margin, stop = KINDS[found.kind], margins_of(found.at)[found.kind], limits_of(settings, "stop")[found.kind]
     if found.share == 0.0:
         errors = (position_error(settings),) * len(mechanism.joints)
-        alone = BoxBounds(mechanism, settings.geometry_tolerance_m).around(found.at, errors)
+        alone = BoxBounds(mechanism, settings.slack_m).around(found.at, errors)
         if not alone[found.kind] >= stop:
             said = f"encoder_resolution {settings.encoder_resolution!r}, encoder_offset {settings.encoder_offset!r}"
             said += f" and geometry_tolerance_m {settings.geometry_tolerance_m!r}"
+            if settings.slack_m > settings.geometry_tolerance_m:
+                said += f" and compliance_slack_m {settings.compliance_slack_m!r}"
             return f"{said} alone take the {kind} margin of {margin:.3g}, at its best, below {kind}_stop ({stop!r})"
         gains, latency, least = settings.acceleration_limit, settings.latency_s, settings.deceleration_limit
         return (

@@ -117,7 +117,7 @@ class Supervisor:
         mechanism = self.robot.mechanism
         self.settings = settings
         self._predictor = StoppingPredictor(settings, mechanism)
-        self._bounds = BoxBounds(mechanism, settings.geometry_tolerance_m)
+        self._bounds = BoxBounds(mechanism, settings.slack_m)
         self._policy = Policy(settings, mechanism.joints)
         self._reporter = Reporter(settings, mechanism, self.robot.name)
         self._stale_ns = round(settings.stale_s * S)

@@ -29,7 +29,7 @@ class Reporter:
         self._force = settings.load_force_n + settings.payload_kg * settings.gravity_m_s2
         self._moment = settings.load_moment_nm
         self._errors = (position_error(settings),) * len(mechanism.joints)
-        self._slack_m = settings.geometry_tolerance_m
+        self._slack_m = settings.slack_m
         n, m = len(mechanism.joints), len(mechanism.task)
         self._no_joints, self._no_pose = (nan,) * n, (nan,) * m
         self._sizes = m, mechanism.limb_count

@@ -37,8 +37,10 @@ def _each_joint(unit: str, text: str, low: float, high: float, *, optional: bool
     return field(default=(), metadata=metadata)
 
 
-def _word(default: str, text: str, words: tuple[str, ...] = ()) -> Any:
-    return field(default=default, metadata={"unit": "", "text": text, "words": words, "read_only": not words})
+def _word(default: str, text: str, words: tuple[str, ...] = (), on: str = "") -> Any:
+    """on: of a switch that stays as it is while the robot runs, the word for `on`, which YAML reads as a boolean."""
+    metadata = {"unit": "", "text": text, "words": words, "on": on, "read_only": bool(on) or not words}
+    return field(default=default, metadata=metadata)
 
 
 @dataclass(frozen=True)
@@ -89,12 +91,27 @@ class Settings:
     )
     encoder_offset: float = _number(0.0, "rad or m", "largest error of a joint's zero", 0.0, 0.1)
     geometry_tolerance_m: float = _number(0.0, "m", "largest error of a leg's length and place", 0.0, 0.1)
-    load_force_n: float = _number(10.0, "N", "force on the platform for reaction_max, besides the payload", 0.0, 1e6)
+    load_force_n: float = _number(10.0, "N", "force on the platform, besides the payload", 0.0, 1e6)
     payload_kg: float = _number(0.0, "kg", "platform and payload, whose weight adds to the load", 0.0, 1e4)
     gravity_m_s2: float = _number(9.80665, "m/s2", "what the payload weighs by", 0.0, 100.0)
-    load_moment_nm: float = _number(0.0, "N m", "moment on the platform for reaction_max", 0.0, 1e6)
+    load_moment_nm: float = _number(0.0, "N m", "moment on the platform", 0.0, 1e6)
+    platform_acceleration_m_s2: float = _number(
+        0.0, "m/s2", "largest acceleration of the platform, braking included", 0.0, 1e4
+    )
+    compliance: str = _word(
+        "none", "whether what the load bends counts as an error of the geometry", ("none", "counted"), on="counted"
+    )
+    tubes: str = _word("none", "elastic design of the robot, preset or YAML file; none: not known")
+    compliance_slack_m: float = _number(
+        0.0, "m", "error of a leg's length and place by bending; 0: from the tubes", 0.0, 0.1
+    )
     reaction_check: str = _word("none", "what an excessive leg force leads to", ("none", "warn", "stop"))
     reaction_limit_n: float = _number(1000.0, "N", "largest admissible leg force", 0.0, 1e9)
+
+    @property
+    def slack_m(self) -> float:
+        """m: error of a leg's length and place for certain bounds, `slack_m` of `Mechanism.guarantee`."""
+        return self.geometry_tolerance_m + (self.compliance_slack_m if self.compliance == "counted" else 0.0)
 
     @property
     def config_hash(self) -> str:
@@ -138,6 +155,8 @@ def _read(value: Any, metadata: Mapping[str, Any], n: int) -> Any:
     """A value as the settings keep it: tuples, floats, one per joint. What is of no use is left for the check."""
     if metadata.get("words") and (value is False or value == "off"):
         return "none"  # as recorded bags and files of users say it; YAML reads the bare word `off` as a boolean
+    if metadata.get("on") and (value is True or value == "on"):
+        return metadata["on"]
     each = tuple(value) if isinstance(value, (list, tuple)) else (value,)
     if "low" in metadata:
         each = tuple(float(number) if _is_number(number) else number for number in each)

@@ -133,7 +133,7 @@ class StoppingPredictor:
     def __init__(self, settings: Settings, mechanism: Mechanism, patient: bool = False) -> None:
         """patient: no robot waits for the answer."""
         self._latency = settings.latency_s
-        self._bounds = BoxBounds(mechanism, settings.geometry_tolerance_m)
+        self._bounds = BoxBounds(mechanism, settings.slack_m)
         self._reach = Reach(settings)
         warn, stop = limits_of(settings, "warn"), limits_of(settings, "stop")
         whole = 2 ** len(mechanism.joints)

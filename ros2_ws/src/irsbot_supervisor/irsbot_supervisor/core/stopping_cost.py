@@ -118,7 +118,7 @@ def _farthest(mechanism: Mechanism, at: Posture, ways: Floats) -> float:
 
 def _stopped(settings: Settings, mechanism: Mechanism, places: list[Posture], ways: Floats) -> float:
     """Share of postures whose box cannot be certified with as many cuts as the supervisor makes."""
-    bounds, stop = BoxBounds(mechanism, settings.geometry_tolerance_m), limits_of(settings, "stop")
+    bounds, stop = BoxBounds(mechanism, settings.slack_m), limits_of(settings, "stop")
     goal = ((stop, MORE_HALVINGS * 2 ** len(ways)),)
     lost = 0
     for at in places:

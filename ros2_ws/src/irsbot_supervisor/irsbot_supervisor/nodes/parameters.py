@@ -16,7 +16,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from irsbot_kinematics import Robot
-from irsbot_supervisor.core.limits import contradictions, settings_from
+from irsbot_supervisor.bending import require_bending_said
+from irsbot_supervisor.core.limits import contradictions
 from irsbot_supervisor.core.settings import InvalidSettings, Settings, completed
 from irsbot_supervisor.nodes.as_declared import as_declared
 from irsbot_supervisor.nodes.later import Later, Steps
@@ -34,14 +35,16 @@ def declare_settings(node: Node) -> tuple[Settings, Robot]:
     entries = {entry.name: entry for entry in fields(Settings)}
     robot_name = node.declare_parameter("robot", "irsbot2", _descriptor(entries["robot"].metadata)).value
     robot = robot_of(robot_name)
-    defaults = asdict(settings_from({**shipped_values(robot), "robot": robot_name}, robot))
+    defaults = asdict(completed({**shipped_values(robot), "robot": robot_name}, robot))
     changes = {}
     for name, entry in entries.items():
         if name != "robot":
             default = defaults[name]
             declared = list(default) if isinstance(default, tuple) else default
             changes[name] = node.declare_parameter(name, declared, _descriptor(entry.metadata)).value
-    return read_settings(robot_name, {name: _plain(value) for name, value in changes.items()})
+    settings, robot = read_settings(robot_name, {name: _plain(value) for name, value in changes.items()})
+    node.set_parameters([Parameter("compliance_slack_m", value=settings.compliance_slack_m)])  # as found from the tubes
+    return settings, robot
 
 
 class ChangingSettings:
@@ -66,7 +69,11 @@ class ChangingSettings:
     def _wanted(self, parameters: list[Parameter]) -> Settings:
         """The settings with some parameters replaced, each valid, not looked into. Raises InvalidSettings."""
         changes = {parameter.name: _plain(parameter.value) for parameter in parameters if parameter.name in NAMES}
-        return completed({**asdict(self.now), **changes}, self._robot) if changes else self.now
+        if not changes:
+            return self.now
+        wanted = completed({**asdict(self.now), **changes}, self._robot)
+        require_bending_said(self.now, wanted, changes)
+        return wanted
 
     def _look(self, messages: list[Any]) -> Steps:
         """Look into the settings that a call asks for. While that takes its time another call may change those in
