@@ -193,6 +193,14 @@ class Reset(NamedTuple):
     seed_pose: Floats = ()  # where the platform is, roughly, m and rad; empty: not said
 
 
+class Restart(NamedTuple):
+    """The supervisor was started again after it had ended: nobody watched the robot meanwhile."""
+
+    received_ns: int
+    seen_ns: int
+    event: int  # number of the stop that this is, larger than those of earlier supervisors
+
+
 class Bypass(NamedTuple):
     """An operator wants to let motion pass one cause of the stop number `event` for a while."""
 

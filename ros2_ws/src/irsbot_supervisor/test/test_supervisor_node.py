@@ -398,6 +398,28 @@ def test_a_latched_stop_and_its_number_outlive_every_transition(wire: Wire):
     assert "event 1 is not the stop in force" in cell.reset(1).message
 
 
+def test_a_supervisor_that_is_started_again_waits_for_a_reset_and_does_so_once(wire: Wire):
+    cell = Cell(wire)
+    cell.heard_level(Level.OK)
+    cell.suite.end("supervisor", signal.SIGKILL)
+    cell.supervisor = cell.supervisor._replace(parameters={"start_latched": True})
+    begin = len(cell.verdicts)
+    cell.suite.start(cell.supervisor)
+    latched = cell.heard(lambda verdict: verdict.latched and verdict.stamp_ns > 0, "a latched verdict")[-1]
+    cell.wire.until(lambda: len(cell.states) > 300 and cell.states[-1].sequence > 300)
+    # the first word may be older than the restart
+    assert all(one.level == Level.UNKNOWN for one in cell.verdicts[begin:])
+    assert all(one.latched for one in cell.verdicts[begin + 5 :])
+    assert latched.event > 1
+    assert not cell.reset(1).accepted
+    right = cell.reset(latched.event)
+    assert right.accepted, right.message
+    cell.heard_level(Level.OK)
+    assert all(map(cell.change, ANEW[:1]))
+    assert cell.change(Transition.TRANSITION_ACTIVATE)
+    assert not cell.heard_level(Level.OK).latched
+
+
 def test_a_deactivation_with_samples_in_the_queue_raises_nothing(wire: Wire):
     cell = Cell(wire)
     cell.clock = lambda: time.time_ns() - 10_000_000  # late: the supervisor looks into its queue for a newer sample

@@ -1,7 +1,7 @@
 """The supervisor: events in, states and verdicts out. Time is in the events; nothing here asks a clock.
 
-A sample, a tick of a timer, an operator's reset or bypass and new settings enter by the same door, so that all of it
-replays.
+A sample, a tick of a timer, a restart, an operator's reset or bypass and new settings enter by the same door, so that
+all of it replays.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from irsbot_msgs_py.records import (
     JointSample,
     Level,
     Reset,
+    Restart,
     SingularityState,
     Tick,
     Verdict,
@@ -50,7 +51,10 @@ class Configure(NamedTuple):
     settings: Settings
 
 
-Event = JointSample | Tick | Reset | Bypass | Configure
+Event = JointSample | Tick | Restart | Reset | Bypass | Configure
+
+RESTARTED = "the supervisor was started again, and nobody watched the robot meanwhile: it waits for a reset"
+"""Why nobody knows the branch after a restart."""
 
 FOREVER = 2**63
 """ns: later than any clock."""
@@ -106,6 +110,8 @@ class Supervisor:
             self._configure(event)
             self._pass_time(event.seen_ns)  # what silence is has changed, too
             changed = True
+        elif isinstance(event, Restart):
+            self._restart(event)
         elif isinstance(event, Reset):
             refusal = self._reset(event)
         elif isinstance(event, Bypass):
@@ -254,6 +260,13 @@ class Supervisor:
             self._found = [Finding(why.cause, Level.UNKNOWN, nan, nan, "", why.text)]
             self._hold(sample.seen_ns)
         return self._reporter.rejected(sample, self._samples, why.cause)
+
+    def _restart(self, restart: Restart) -> None:
+        """A stop of the supervisor that ended may have been in force, and the branch may have changed since."""
+        self._assessor.lose(RESTARTED)
+        self._latch.count_on(restart.event)
+        self._found = [Finding(Cause.BRANCH, Level.UNKNOWN, nan, nan, "", RESTARTED)]
+        self._hold(restart.seen_ns)
 
     def _reset(self, reset: Reset) -> str:
         good = self._good

@@ -20,7 +20,7 @@ from std_msgs.msg import String
 
 from irsbot_kinematics import KinematicsError
 from irsbot_msgs_py.cdr import encode_state, encode_verdict
-from irsbot_msgs_py.records import Bypass, Reset, Tick, Verdict
+from irsbot_msgs_py.records import Bypass, Reset, Restart, Tick, Verdict
 from irsbot_msgs_py.shell import run
 from irsbot_supervisor.core.motion import BadTrajectory
 from irsbot_supervisor.core.pipeline import Configure, Event, Step, Supervisor
@@ -43,6 +43,7 @@ from irsbot_supervisor.nodes.verdict_log import VerdictLog
 PARAMETERS = {
     "autostart": (True, "become active at the start, without waiting for transitions"),
     "base_frame": ("base", "frame of ~/markers"),
+    "start_latched": (False, "started again after an end: level UNKNOWN until a reset"),
 }
 """Those that are no settings, with default and description."""
 
@@ -73,7 +74,7 @@ class SupervisorNode(LifecycleNode):
     def __init__(self) -> None:
         super().__init__("supervisor")
         answer_every_request(self)
-        autostart, self._frame = (
+        autostart, self._frame, self._restarted = (
             self.declare_parameter(name, default, ParameterDescriptor(description=text, read_only=True)).value
             for name, (default, text) in PARAMETERS.items()
         )
@@ -123,6 +124,11 @@ class SupervisorNode(LifecycleNode):
         self._start_heart(self._settings)
         self._active = True
         self._configure(self._settings)
+        if self._restarted:
+            self._restarted = False
+            restart = Restart(*self._now(), int(time.time()))
+            self._note(restart)
+            self._step(restart)
         self._samples.open()
         self._gate.open()
         topic = self.resolve_topic_name("~/verdict")
