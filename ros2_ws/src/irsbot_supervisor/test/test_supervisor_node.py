@@ -744,6 +744,16 @@ def test_markers_show_level_margin_and_the_way_out(wire: Wire):
     assert tip.z - start.z > 0.5 * math.dist((start.x, start.z), (tip.x, tip.z))  # up, away from straight legs
 
 
+def test_passive_joints_are_told_to_who_listens(cell: Cell):
+    heard: list[JointState] = []
+    told = cell.node.create_subscription(JointState, "supervisor/passive_joint_states", heard.append, 10)
+    cell.wire.until(lambda: len(heard) > 3, "passive joints")
+    cell.node.destroy_subscription(told)
+    positions = dict(zip(heard[-1].name, heard[-1].position, strict=True))
+    assert positions["elbow_1"] == pytest.approx(-GOOD[0], abs=1e-12)  # the elbows stay level
+    assert len(positions) == 12
+
+
 def test_an_error_inside_is_an_unknown_verdict_and_the_node_goes_on(wire: Wire, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent / "helpers"), prepend=":")
     cell = Cell(wire, module="fake_failing_mechanism")

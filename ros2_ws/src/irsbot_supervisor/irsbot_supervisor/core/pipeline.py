@@ -34,6 +34,7 @@ from irsbot_supervisor.core.gate import View
 from irsbot_supervisor.core.intake import Intake, Rejected, S
 from irsbot_supervisor.core.latch import Judgement, Latch
 from irsbot_supervisor.core.policy import KINDS, Policy
+from irsbot_supervisor.core.position_limits import PositionLimits
 from irsbot_supervisor.core.report import Reporter
 from irsbot_supervisor.core.settings import LEAST_LIMIT, InvalidSettings, Settings
 from irsbot_supervisor.core.stop_monitor import MeasuredStop, StopMonitor
@@ -125,6 +126,7 @@ class Supervisor:
         self._predictor = StoppingPredictor(settings, mechanism)
         self._bounds = BoxBounds(mechanism, settings.geometry_tolerance_m)
         self._policy = Policy(settings, mechanism.joints)
+        self._position = PositionLimits(settings, mechanism.joints)
         self._reporter = Reporter(settings, mechanism, self.robot.name)
         self._stale_ns = round(settings.stale_s * S)
         self._heartbeat_ns = round(settings.heartbeat_s * S)
@@ -242,7 +244,7 @@ class Supervisor:
         # Of a first sample nobody knows how fast the joints are; the level is UNKNOWN for a while anyway.
         counts = assessment.margins if first else floor
         found = self._policy.judge(estimate, assessment, counts, reaction, self._latch.now.causes)
-        found = self._found = [*found, *self._stops.look(estimate)]
+        found = self._found = [*found, *self._position.judge(estimate, first), *self._stops.look(estimate)]
         escape: Floats = ()
         if found and not self._latch.latched and any(finding.level == Level.STOP for finding in found):
             escape = self._escape(assessment, found)
@@ -286,6 +288,7 @@ class Supervisor:
         at = assessment.at
         floor = self._predictor.predict(at, good.speeds, good.ahead_s) if at.status == SOLVED else None
         active = self._policy.judge(good, assessment, floor, self._reporter.reaction(good, assessment), 0)
+        active += self._position.judge(good)
         stopped = any(finding.level == Level.STOP for finding in active)
         escape = self._escape(assessment, active) if stopped else ()
         lost = self._latch.lost
