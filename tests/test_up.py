@@ -5,7 +5,8 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -15,12 +16,14 @@ import pytest
 
 pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
+from irsbot_msgs.srv import EvaluateJoints
 from rcl_interfaces.srv import ListParameters
 
 from irsbot_supervisor.cli.app import main
 from irsbot_supervisor.cli.runs import _parameters
+from irsbot_supervisor.nodes.suite import wanted
 from irsbot_supervisor.parameter_file import OF_EVERY_NODE, QOS_OVERRIDES, read_parameters
-from irsbot_supervisor.suite import JOINTS, KINEMATICS, RECORDER, SUPERVISOR, free_domain
+from irsbot_supervisor.suite import JOINTS, KINEMATICS, RECORDER, SUPERVISOR, TOGETHER, free_domain
 from irsbot_supervisor.watch import Watch
 
 pytestmark = [
@@ -61,12 +64,22 @@ class Up:
 
     def ask(self, kind: Any, name: str, request: Any) -> Any:
         """The answer of a service."""
+        answer = self.client(kind, name).call_async(request)
+        self.until(answer.done)
+        return answer.result()
+
+    def client(self, kind: Any, name: str) -> Any:
+        """A client of a service that is there."""
         client = self._watch.node.create_client(kind, name)
         assert client.wait_for_service(PATIENCE_S), name
-        answer = client.call_async(request)
-        while not answer.done():
+        return client
+
+    def until(self, happened: Callable[[], bool]) -> None:
+        """Serve callbacks until something has happened."""
+        deadline = time.monotonic() + PATIENCE_S
+        while not happened():
+            assert time.monotonic() < deadline
             self._watch.look(1.0)
-        return answer.result()
 
 
 @contextmanager
@@ -211,6 +224,48 @@ def test_the_parameters_that_up_knows_are_those_of_the_nodes(tmp_path: Path) -> 
             found = up.ask(ListParameters, f"{node}/list_parameters", ListParameters.Request()).result.names
             ours = {name for name in found if not name.startswith(QOS_OVERRIDES)} - set(OF_EVERY_NODE)
             assert ours == set(known), node
+
+
+def test_in_one_process_the_suite_is_the_same(tmp_path: Path) -> None:
+    with running(tmp_path / "run", "--single-process") as up:
+        (child,) = psutil.Process(up.process.pid).children()
+        assert TOGETHER in child.cmdline()
+        for node, known in _parameters("").items():
+            found = up.ask(ListParameters, f"{node}/list_parameters", ListParameters.Request()).result.names
+            assert {name for name in found if not name.startswith(QOS_OVERRIDES)} - set(OF_EVERY_NODE) == set(known)
+        joints = [q for k in range(10_000) for q in (2.5 + 1e-5 * k, 0.2)]
+        client = up.client(EvaluateJoints, "kinematics/evaluate")
+        answer, before = client.call_async(EvaluateJoints.Request(joints=joints)), len(up.levels)
+        up.until(answer.done)
+        assert len(answer.result().states) > 0
+        assert len(up.levels) - before > 10  # it goes on beside the kinematics
+        up.process.send_signal(signal.SIGINT)
+        _out, printed = up.process.communicate(timeout=PATIENCE_S)
+        assert (up.process.returncode, printed) == (0, "")
+    assert (tmp_path / "run" / "bag" / "metadata.yaml").exists()
+    assert "Traceback" not in (tmp_path / "run" / "logs" / "suite.log").read_text()
+
+
+def test_in_one_process_a_node_that_refuses_ends_them_all(tmp_path: Path) -> None:
+    parameters = tmp_path / "mine.yaml"
+    parameters.write_text("/**/recorder: {ros__parameters: {reserve_mib: 1000000}}")
+    command = [*IRSBOT, "up", "--single-process", "--domain", str(free_domain()), "--out", str(tmp_path / "run")]
+    done = subprocess.run([*command, "--params", parameters], capture_output=True, text=True, timeout=PATIENCE_S)
+    assert done.returncode == 1
+    assert "the node suite ended with exit code 2: " in done.stderr
+    assert "less than the reserve" in done.stderr
+
+
+def test_the_executable_takes_names_of_nodes() -> None:
+    assert wanted(["supervisor", "recorder"]) == ["recorder", "supervisor"]
+    assert wanted([]) == ["recorder", "kinematics", "supervisor", "simulated_joints"]
+    done = subprocess.run(
+        [sys.executable, "-m", TOGETHER, "nobody"], capture_output=True, text=True, timeout=PATIENCE_S
+    )
+    assert done.returncode == 2
+    assert done.stderr.splitlines() == [
+        "no node 'nobody'; there are recorder, kinematics, supervisor, simulated_joints"
+    ]
 
 
 def test_a_recorder_that_cannot_start_ends_the_suite(tmp_path: Path) -> None:

@@ -37,6 +37,7 @@ setup(
             "supervisor_node = irsbot_supervisor.executables:supervisor",
             "simulated_joints_node = irsbot_supervisor.executables:simulated_joints",
             "recorder_node = irsbot_supervisor.executables:recorder",
+            "suite_node = irsbot_supervisor.executables:suite",
             "irsbot = irsbot_supervisor.executables:irsbot",
         ]
     },

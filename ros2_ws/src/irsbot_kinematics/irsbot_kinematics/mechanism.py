@@ -15,6 +15,7 @@ from typing import Any, ClassVar, Generic, NamedTuple
 
 from irsbot_kinematics import statics
 from irsbot_kinematics.arithmetic import FLOATS, Arithmetic, N
+from irsbot_kinematics.skeleton import Skeleton
 from irsbot_kinematics.tolerances import ASSEMBLY_TOL_M, CLOSURE_TOL_M, COINCIDENT_TOL_M, SIGN_DEAD_BAND
 
 Floats = tuple[float, ...]
@@ -198,6 +199,10 @@ class Mechanism(ABC):
     @abstractmethod
     def bias(self, at: Posture, joint_rates: Sequence[float], pose_rates: Sequence[float]) -> Floats:
         """c of A a + B qddot + c = 0: what the velocities contribute to the accelerations."""
+
+    def skeleton(self) -> Skeleton | None:
+        """Links and joints, for pictures of the robot; None: there is no such description."""
+        return None
 
     def prepare(self) -> None:  # noqa: B027 - most mechanisms have nothing to prepare
         """Find now what is found once, so that the first sample takes no longer than the others."""

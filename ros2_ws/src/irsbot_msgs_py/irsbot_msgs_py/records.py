@@ -43,6 +43,7 @@ class Cause(IntFlag):
     NONFINITE = 8192
     IMPLAUSIBLE = 16384
     DEGRADED = 32768
+    POSITION = 65536
     LATCHED = 262144
     INTERNAL = 524288
 
@@ -191,6 +192,14 @@ class Reset(NamedTuple):
     event: int
     text: str
     seed_pose: Floats = ()  # where the platform is, roughly, m and rad; empty: not said
+
+
+class Restart(NamedTuple):
+    """The supervisor was started again after it had ended: nobody watched the robot meanwhile."""
+
+    received_ns: int
+    seen_ns: int
+    event: int  # number of the stop that this is, larger than those of earlier supervisors
 
 
 class Bypass(NamedTuple):

@@ -22,6 +22,11 @@ def recorder() -> NoReturn:
     start("irsbot_supervisor.nodes.recorder")
 
 
+def suite() -> NoReturn:
+    """`ros2 run irsbot_supervisor suite_node`."""
+    start("irsbot_supervisor.nodes.suite")
+
+
 def irsbot() -> NoReturn:
     """`irsbot`, the command line."""
     start("irsbot_supervisor.cli.app")

@@ -1,5 +1,5 @@
-"""Inputs of the supervisor other than samples, as lines of JSON: settings, resets and bypasses. They make a bag
-replayable."""
+"""Inputs of the supervisor other than samples, as lines of JSON: settings, restarts, resets and bypasses. They make a
+bag replayable."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from irsbot_kinematics import Robot
 from irsbot_kinematics.robot_record import robot_record
-from irsbot_msgs_py.records import Bypass, Reset
+from irsbot_msgs_py.records import Bypass, Reset, Restart
 from irsbot_supervisor.core.settings import Settings
 
 
@@ -26,9 +26,9 @@ class Configuration(NamedTuple):
     machine: dict[str, Any]  # what robot they are for, complete
 
 
-Entry = Configuration | Reset | Bypass
+Entry = Configuration | Restart | Reset | Bypass
 
-KINDS: dict[type[Entry], str] = {Configuration: "configure", Reset: "reset", Bypass: "bypass"}
+KINDS: dict[type[Entry], str] = {Configuration: "configure", Restart: "restart", Reset: "reset", Bypass: "bypass"}
 """What kind of entry a line says it is."""
 
 
@@ -49,6 +49,8 @@ def read_entry(line: str) -> Entry:
         kind = said.pop("kind")
         if kind == "configure":
             return Configuration(**said)
+        if kind == "restart":
+            return Restart(*(int(said[name]) for name in Restart._fields))
         if kind == "reset":
             return Reset(**{**said, "seed_pose": tuple(said["seed_pose"])})
         if kind == "bypass":

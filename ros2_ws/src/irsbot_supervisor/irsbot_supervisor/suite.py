@@ -21,6 +21,7 @@ KINEMATICS = "irsbot_kinematics.nodes.kinematics"
 SUPERVISOR = "irsbot_supervisor.nodes.supervisor"
 JOINTS = "irsbot_supervisor.nodes.simulated_joints"
 RECORDER = "irsbot_supervisor.nodes.recorder"
+TOGETHER = "irsbot_supervisor.nodes.suite"
 
 GATED = {"joint_trajectory": "command_out", "joint_velocity": "velocity_out"}
 """Remaps of simulated joints that take their commands from the command gate."""

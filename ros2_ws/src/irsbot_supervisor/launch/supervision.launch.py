@@ -3,11 +3,11 @@
 ros2 launch irsbot_supervisor supervision.launch.py robot:=irsbot2 namespace:=left params_file:=/path/mine.yaml
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from launch import LaunchContext, LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.actions import DeclareLaunchArgument, OpaqueFunction, TimerAction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
@@ -27,9 +27,9 @@ def _node(package: str, name: str, said: Given, **parameters: object) -> Node:
         parameters=[*([said.params_file] if said.params_file else []), {**parameters, **more}],
         ros_arguments=["--log-level", said.log_level],
         output="screen",
-        respawn=said.respawn,
+        respawn=said.respawn and name != "supervisor",
         respawn_delay=RESPAWN_DELAY_S,
-        on_exit=_told(name),
+        on_exit=lambda event, context: _ended(name, said, parameters, event.returncode, context.is_shutdown),
         remappings=list(_remaps(name, said).items()),
     )
 
@@ -39,9 +39,14 @@ def _remaps(name: str, said: Given) -> dict[str, str]:
     return {**said.topics, **{topic: said.topics.get(other, other) for topic, other in gated.items()}}
 
 
-def _told(name: str) -> Callable[[Any, LaunchContext], None]:
-    """An error in a handler ends the launch with exit code 1."""
-    return lambda event, context: ended(name, event.returncode, context.is_shutdown)
+def _ended(name: str, said: Given, parameters: Mapping[str, Any], code: int, asked: bool) -> list[TimerAction]:
+    """What follows the end of a node; an error here ends the launch with exit code 1. asked: the launch is ending.
+    A supervisor comes back otherwise than it began: with a latched UNKNOWN."""
+    ended(name, code, asked)
+    if asked or not said.respawn or name != "supervisor":
+        return []
+    again = _node("irsbot_supervisor", name, said, **{**parameters, "start_latched": True})
+    return [TimerAction(period=RESPAWN_DELAY_S, actions=[again])]
 
 
 def _nodes(context: LaunchContext) -> list[Node]:

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from supervised import feed, reset, sample, settings_of, supervisor_of, tick
+from supervised import at_ns, feed, reset, sample, settings_of, supervisor_of, tick
 
 from irsbot_kinematics import Status
-from irsbot_msgs_py.records import Cause, Level
+from irsbot_msgs_py.records import Cause, Level, Restart
 from irsbot_supervisor.core.assess import margins_of
 from irsbot_supervisor.core.certify import certify
 from irsbot_supervisor.core.estimation.estimate import Speeds
@@ -108,6 +108,18 @@ def test_a_lost_branch_is_the_one_in_which_an_operator_sees_the_platform():
     assert supervisor.step(reset(400, verdict.event)).refusal
     seen = tuple(np.add(there.pose, (0.01, -0.01, 0.02)).tolist())
     assert supervisor.step(reset(401, verdict.event)._replace(seed_pose=seen)).refusal == ""
+    steps = feed(supervisor, [sample(ms, there.joints, names=names) for ms in range(402, 700)])
+    assert supervisor._latch.now.level == Level.OK
+    np.testing.assert_allclose(steps[-1].state.pose, there.pose, atol=1e-9)
+
+
+def test_after_a_restart_the_branch_is_the_one_in_which_an_operator_sees_the_platform():
+    supervisor = supervisor_of("rrr3_base", working_mode=followed_mode(), assembly_mode=LABEL)
+    names, there = supervisor.settings.joint_names, followed(supervisor.robot)[-1]
+    supervisor.step(Restart(*at_ns(-1), 7))
+    feed(supervisor, [sample(ms, there.joints, names=names) for ms in range(0, 400)])
+    assert supervisor.step(reset(400, 7)).refusal  # the label of the settings means another pose
+    assert supervisor.step(reset(401, 7)._replace(seed_pose=there.pose)).refusal == ""
     steps = feed(supervisor, [sample(ms, there.joints, names=names) for ms in range(402, 700)])
     assert supervisor._latch.now.level == Level.OK
     np.testing.assert_allclose(steps[-1].state.pose, there.pose, atol=1e-9)

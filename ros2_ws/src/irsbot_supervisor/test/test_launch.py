@@ -33,6 +33,7 @@ class FakeLaunch:
             "launch.actions": {
                 "DeclareLaunchArgument": lambda name, default_value, description: name,
                 "OpaqueFunction": lambda function: function,
+                "TimerAction": SimpleNamespace,
             },
             "launch.substitutions": {"LaunchConfiguration": configuration},
             "launch_ros": {},
@@ -87,7 +88,7 @@ def test_every_node_gets_what_was_said(monkeypatch: pytest.MonkeyPatch, tmp_path
         assert node["parameters"][0] == str(file)
         assert node["parameters"][-1]["use_sim_time"] is True
         assert node["ros_arguments"] == ["--log-level", "debug"]
-        assert node["respawn"] is True
+        assert node["respawn"] is (node["executable"] != "supervisor_node")  # which comes back otherwise
         assert node["namespace"] == "left"
     assert launch.node("supervisor")["parameters"][-1]["robot"] == "five_bar"
     assert {"params_file", "use_sim_time", "log_level", "respawn"} <= set(launch.declared)
@@ -115,6 +116,24 @@ def test_a_node_that_refuses_its_parameters_ends_the_launch_with_an_error(monkey
         on_exit(SimpleNamespace(returncode=2), SimpleNamespace(is_shutdown=False))
     on_exit(SimpleNamespace(returncode=2), SimpleNamespace(is_shutdown=True))
     ended("recorder", 0, False)
+
+
+def test_a_supervisor_that_is_respawned_starts_latched_each_time(monkeypatch: pytest.MonkeyPatch):
+    launch = FakeLaunch(monkeypatch, respawn="true", robot="five_bar", params_file=str(FILE))
+    node, running = launch.node("supervisor"), SimpleNamespace(is_shutdown=False)
+    assert "start_latched" not in node["parameters"][-1]
+    for code in (-9, 0, 1):
+        (later,) = node["on_exit"](SimpleNamespace(returncode=code), running)
+        assert later.period == 1.0
+        again = launch.nodes[-1]
+        assert again["parameters"][-1] == {"robot": "five_bar", "start_latched": True}
+        assert {k: v for k, v in again.items() if k not in ("parameters", "on_exit")} == {
+            k: v for k, v in node.items() if k not in ("parameters", "on_exit")
+        }
+        node = again
+    assert node["on_exit"](SimpleNamespace(returncode=0), SimpleNamespace(is_shutdown=True)) == []
+    left = FakeLaunch(monkeypatch).node("supervisor")
+    assert left["on_exit"](SimpleNamespace(returncode=-9), running) == []
 
 
 @pytest.mark.parametrize(

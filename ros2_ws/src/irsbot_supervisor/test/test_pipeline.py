@@ -11,6 +11,7 @@ from supervised import (
     JOINTS,
     MS,
     STEADY_NS,
+    at_ns,
     configure,
     feed,
     joints_of,
@@ -25,10 +26,11 @@ from supervised import (
 )
 
 import irsbot_kinematics as irs
-from irsbot_msgs_py.records import Cause, JointSample, Level, Verdict
+from irsbot_msgs_py.records import Cause, JointSample, Level, Restart, Verdict
 from irsbot_supervisor.campaign.truth import limits, margins
 from irsbot_supervisor.core.pipeline import Step, Supervisor
 from irsbot_supervisor.core.settings import InvalidSettings
+from irsbot_supervisor.journal import JournalError, read_entry, write_entry
 
 STALE_MS, DWELL_MS, HEARTBEAT_MS = 50, 50, 10
 """ms: shipped settings, which the tests write out."""
@@ -614,6 +616,31 @@ def test_the_seed_pose_of_a_reset_tells_the_assembly_mode():
     assert (
         supervisor.step(reset(2402, verdict.event)._replace(seed_pose=(1.0, -0.6))).refusal == ""
     )  # it is at (1.04, -0.49)
+
+
+# --- a restart ---------------------------------------------------------------------------------------------------
+
+
+def test_after_a_restart_nothing_is_known_until_a_reset_and_no_old_number_resets_it():
+    supervisor = supervisor_of()
+    q = joints_of(supervisor, 0.0, -0.85)
+    first = supervisor.step(Restart(*at_ns(-300), 1_700_000_000)).verdict
+    assert first is not None
+    assert (first.level, first.latched, first.event) == (Level.UNKNOWN, True, 1_700_000_000)
+    steps = feed(supervisor, resting(-300, 200, q))
+    assert all(one.latched and one.level == Level.UNKNOWN for one in story(steps))
+    assert newest(steps).causes & Cause.BRANCH
+    assert "started again" in newest(steps).text
+    assert "is not the stop in force" in supervisor.step(reset(200, 1)).refusal
+    assert supervisor.step(reset(200, first.event)).refusal == ""
+    assert level_in_force(feed(supervisor, resting(201, 260, q))) == Level.OK
+
+
+def test_a_restart_is_replayed_from_its_line_of_the_journal():
+    event = Restart(1, 2, 3)
+    assert read_entry(write_entry(event)) == event
+    with pytest.raises(JournalError):
+        read_entry('{"kind": "restart", "received_ns": 1, "seen_ns": 2}')
 
 
 # --- settings and errors ----------------------------------------------------------------------------------------

@@ -418,6 +418,28 @@ def test_a_latched_stop_and_its_number_outlive_every_transition(wire: Wire):
     assert "event 1 is not the stop in force" in cell.reset(1).message
 
 
+def test_a_supervisor_that_is_started_again_waits_for_a_reset_and_does_so_once(wire: Wire):
+    cell = Cell(wire)
+    cell.heard_level(Level.OK)
+    cell.suite.end("supervisor", signal.SIGKILL)
+    cell.supervisor = cell.supervisor._replace(parameters={"start_latched": True})
+    begin = len(cell.verdicts)
+    cell.suite.start(cell.supervisor)
+    latched = cell.heard(lambda verdict: verdict.latched and verdict.stamp_ns > 0, "a latched verdict")[-1]
+    cell.wire.until(lambda: len(cell.states) > 300 and cell.states[-1].sequence > 300)
+    # the first word may be older than the restart
+    assert all(one.level == Level.UNKNOWN for one in cell.verdicts[begin:])
+    assert all(one.latched for one in cell.verdicts[begin + 5 :])
+    assert latched.event > 1
+    assert not cell.reset(1).accepted
+    right = cell.reset(latched.event)
+    assert right.accepted, right.message
+    cell.heard_level(Level.OK)
+    assert all(map(cell.change, ANEW[:1]))
+    assert cell.change(Transition.TRANSITION_ACTIVATE)
+    assert not cell.heard_level(Level.OK).latched
+
+
 def test_a_deactivation_with_samples_in_the_queue_raises_nothing(wire: Wire):
     cell = Cell(wire)
     cell.clock = lambda: time.time_ns() - 10_000_000  # late: the supervisor looks into its queue for a newer sample
@@ -740,6 +762,16 @@ def test_markers_show_level_margin_and_the_way_out(wire: Wire):
     assert text.text.startswith("STOP Type")
     start, tip = arrow.points
     assert tip.z - start.z > 0.5 * math.dist((start.x, start.z), (tip.x, tip.z))  # up, away from straight legs
+
+
+def test_passive_joints_are_told_to_who_listens(cell: Cell):
+    heard: list[JointState] = []
+    told = cell.node.create_subscription(JointState, "supervisor/passive_joint_states", heard.append, 10)
+    cell.wire.until(lambda: len(heard) > 3, "passive joints")
+    cell.node.destroy_subscription(told)
+    positions = dict(zip(heard[-1].name, heard[-1].position, strict=True))
+    assert positions["elbow_1"] == pytest.approx(-GOOD[0], abs=1e-12)  # the elbows stay level
+    assert len(positions) == 12
 
 
 def test_an_error_inside_is_an_unknown_verdict_and_the_node_goes_on(wire: Wire, monkeypatch: pytest.MonkeyPatch):

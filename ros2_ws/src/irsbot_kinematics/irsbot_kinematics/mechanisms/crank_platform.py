@@ -24,6 +24,7 @@ from irsbot_kinematics.boxes import Reached, Rod
 from irsbot_kinematics.guarantees import EXACT, Errors, lowered
 from irsbot_kinematics.mechanism import Coordinate, Floats, Legs, Posture, Signs, Status, sign_of
 from irsbot_kinematics.mechanisms.turning_platform import Travel, TurningPlatform
+from irsbot_kinematics.skeleton import BASE, Link, Vector, Z
 from irsbot_kinematics.tolerances import CLOSURE_TOL_M, FOLLOWED_TOL_M, SAME_POSE_TOL, UNREAL_TOL, VANISHED_TOL
 
 Point = tuple[float, float]
@@ -96,6 +97,20 @@ class CrankPlatform(TurningPlatform):
             )
             for (fx, fy), (bx, by), q in zip(self.feet, self.corners, joints, strict=True)
         ]
+
+    # --- description -----------------------------------------------------------------------------------------------
+
+    def arms(self) -> list[Link]:
+        """The cranks as links."""
+        return [
+            Link(f"arm_{leg}", joint.name, BASE, (x, y, 0.0), Z, shape=((self.crank, 0.0, 0.0),))
+            for leg, (joint, (x, y)) in enumerate(zip(self.joints, self.feet, strict=True), 1)
+        ]
+
+    @property
+    def platform_corners(self) -> list[Vector]:
+        """`corners`, in space."""
+        return [(x, y, 0.0) for x, y in self.corners]
 
     # --- cranks ----------------------------------------------------------------------------------------------------
 

@@ -29,9 +29,10 @@ from irsbot_kinematics.mechanism import (
     Status,
     sign_of,
 )
+from irsbot_kinematics.skeleton import BASE, HERE, Cut, Link, Skeleton, Vector, added, cross, dot, scaled
+from irsbot_kinematics.skeleton import Rod as Bar
 from irsbot_kinematics.tolerances import CLOSURE_TOL_M, COINCIDENT_TOL_M
 
-Vector = tuple[float, float, float]
 CLEARANCE_BALL = 0.9
 """1: share of the smallest reach in which the clearance from Type 2 is looked for."""
 _TINY = 1e-200
@@ -152,6 +153,36 @@ class DeltaFamily(Mechanism):
         levers = tuple(sines)
         limb = tuple([k.size(sine) for sine in sines[: self.limb_count]])
         return Legs(tuple(screws), levers, levers, tuple(reach), tuple(closure), None, limb)
+
+    def skeleton(self) -> Skeleton:
+        """Rods on universal joints in place of parallelograms: both keep the platform parallel to the base. The first
+        rod carries it."""
+        links, rails = [], []
+        low, high = self.geometry.limits
+        for joint, rod, (origin, along) in zip(self.joints, self._rods, self.rails, strict=True):
+            links.append(Link(rod.parent, joint.name, BASE, origin, along, slides=True))
+            links += rod.links()
+            rails.append((added(origin, scaled(low, along)), added(origin, scaled(high, along))))
+        links += self._rods[0].carry((HERE,))
+        cuts = tuple(Cut(rod.name, rod.end, HERE) for rod in self._rods[1:])
+        return Skeleton(tuple(links), tuple(joint.name for joint in self.joints), cuts, self._passive, tuple(rails))
+
+    @property
+    def _rods(self) -> list[Bar]:
+        """Each on its slide; the first axis is normal to the rail."""
+        rods = []
+        for leg, (_, (x, y, z)) in enumerate(self.rails, 1):
+            aside = (0.0, z, -y) if abs(x) <= abs(y) else (-z, 0.0, x)
+            turn = scaled(1.0 / sqrt(dot(aside, aside)), aside)
+            rods.append(Bar(f"rod_{leg}", f"carriage_{leg}", HERE, turn, cross((x, y, z), turn), self.rod))
+        return rods
+
+    def _passive(self, joints: Floats, pose: Floats) -> dict[str, float]:
+        angles: dict[str, float] = {}
+        ways = [(x, y, z) for x, y, z in self.at(joints, pose, 0, (0.0, 0.0)).screws]
+        for rod, way in zip(self._rods, ways, strict=True):
+            angles.update(rod.near(way))
+        return {**angles, **self._rods[0].far(ways[0])}
 
     def posture(self, joints: Sequence[float], assembly: int) -> Posture:
         """The equations of `direct` and `legs` once more, in one piece for one sample: twice as fast."""

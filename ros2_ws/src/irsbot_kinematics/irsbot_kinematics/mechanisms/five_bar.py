@@ -13,6 +13,7 @@ from irsbot_kinematics.arithmetic import Arithmetic, N
 from irsbot_kinematics.geometry import require, require_finite
 from irsbot_kinematics.mechanism import Floats
 from irsbot_kinematics.mechanisms.planar_pair import Loop, PlanarPair
+from irsbot_kinematics.skeleton import BASE, HERE, Cut, Link, Skeleton, Y, planar_end
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,21 @@ class FiveBar(PlanarPair):
     def constraint_guarantee(self, parts: Floats, turn_rad: float) -> float:
         """NaN: there is no constraint margin."""
         return nan
+
+    def skeleton(self) -> Skeleton:
+        """Leg 1 carries the platform; at 0 cranks and rods point to +x."""
+        g, links = self.geometry, []
+        for leg, (joint, foot) in enumerate(zip(self.joints, (-g.b, g.b), strict=True), 1):
+            links.append(Link(f"arm_{leg}", joint.name, BASE, (foot, 0.0, 0.0), Y, shape=((g.l1, 0.0, 0.0),)))
+            elbow = Link(f"rod_{leg}", f"elbow_{leg}", f"arm_{leg}", (g.l1, 0.0, 0.0), Y, shape=((g.l2, 0.0, 0.0),))
+            links.append(elbow)
+        links += planar_end("rod_1", g.l2, Y, (HERE,))
+        drives = tuple(joint.name for joint in self.joints)
+        return Skeleton(tuple(links), drives, (Cut("rod_2", (g.l2, 0.0, 0.0), HERE),), self._passive)
+
+    def _passive(self, joints: Floats, pose: Floats) -> dict[str, float]:
+        first, second = self.rod_angles(self.at(joints, pose, 0, (0.0, 0.0)))
+        return {"elbow_1": first - joints[0], "elbow_2": second - joints[1], "wrist_1": -first}
 
     def foot_error(self, slack_m: float) -> float:
         """The motor's place, both coordinates."""

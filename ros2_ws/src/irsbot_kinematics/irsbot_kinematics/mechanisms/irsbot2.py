@@ -17,6 +17,7 @@ from irsbot_kinematics.boxes import least_singular
 from irsbot_kinematics.geometry import require, require_finite
 from irsbot_kinematics.mechanism import Floats, Posture, Signs
 from irsbot_kinematics.mechanisms.planar_pair import Loop, PlanarPair
+from irsbot_kinematics.skeleton import BASE, Cut, Link, Rod, Skeleton, Vector, Y, added
 from irsbot_kinematics.tolerances import COINCIDENT_TOL_M
 
 _SMALLEST = 1e-300
@@ -175,6 +176,47 @@ class Irsbot2(PlanarPair):
         sigma_y = s * sqrt(2.0 * square)
         sigma_xz = least_singular(base, ways, sqrt(room + error * error))
         return sigma_y if sigma_y < sigma_xz else sigma_xz
+
+    def skeleton(self) -> Skeleton:
+        """The elbows stay level, which takes the proximal parallelograms; the first rod of leg I carries the platform.
+        Points and axes of sheet section 1: axis e_1jk of a rod is the first one of its universal joints."""
+        g, links, cuts = self.geometry, [], []
+        for leg, (joint, sign) in enumerate(zip(self.joints, (1.0, -1.0), strict=True), 1):
+            links.append(Link(f"arm_{leg}", joint.name, BASE, (-sign * g.b, 0.0, 0.0), Y, shape=((g.l1, 0.0, 0.0),)))
+            ends = tuple(rod.origin for rod, _corner in self._rods(leg, sign))
+            links.append(Link(f"elbow_{leg}", f"elbow_{leg}", f"arm_{leg}", (g.l1, 0.0, 0.0), Y, shape=ends))
+            for rod, corner in self._rods(leg, sign):
+                links += rod.links()
+                cuts.append(Cut(rod.name, rod.end, corner))
+        (carrier, _), _ = self._rods(1, 1.0)
+        links += carrier.carry([cut.platform_point for cut in cuts])
+        drives = tuple(joint.name for joint in self.joints)
+        return Skeleton(tuple(links), drives, tuple(cuts[1:]), self._passive)
+
+    def _rods(self, leg: int, sign: float) -> list[tuple[Rod, Vector]]:
+        """Both rods of a leg, seen from its elbow, and where they hold the platform, seen from the platform point."""
+        g = self.geometry
+        s, c = sin(g.beta), cos(g.beta)
+        found = []
+        for number, side in ((1, -1.0), (2, 1.0)):
+            axis = (sign * s, side * c, 0.0)
+            x, y, _z = axis
+            rod = Rod(f"rod_{leg}{number}", f"elbow_{leg}", (g.a1 * x, g.a1 * y, -g.e), axis, (0.0, 0.0, -1.0), g.l2)
+            found.append((rod, (g.a2 * x - sign * (g.p + g.a2 * s), g.a2 * y, 0.0)))
+        return found
+
+    def _passive(self, joints: Floats, pose: Floats) -> dict[str, float]:
+        g, angles = self.geometry, {}
+        for leg, (q, sign) in enumerate(zip(joints, (1.0, -1.0), strict=True), 1):
+            angles[f"elbow_{leg}"] = -q
+            elbow = (g.l1 * cos(q) - sign * g.b, 0.0, -g.l1 * sin(q))
+            for rod, (x, y, _z) in self._rods(leg, sign):
+                start = added(elbow, rod.origin)
+                way = (pose[0] + x - start[0], y - start[1], pose[1] - start[2])
+                angles.update(rod.near(way))
+                if rod.name == "rod_11":
+                    angles.update(rod.far(way))
+        return angles
 
     def foot_error(self, slack_m: float) -> float:
         """Along x the places of motor and wrist and the arm's a1 sin(beta), along z both places and e."""

@@ -7,7 +7,8 @@ from math import sqrt
 from typing import ClassVar
 
 from irsbot_kinematics.geometry import require, require_size
-from irsbot_kinematics.mechanisms.delta_family import DeltaFamily, DeltaGeometry, Rail, Vector
+from irsbot_kinematics.mechanisms.delta_family import DeltaFamily, DeltaGeometry, Rail
+from irsbot_kinematics.skeleton import Vector
 
 
 @dataclass(frozen=True)

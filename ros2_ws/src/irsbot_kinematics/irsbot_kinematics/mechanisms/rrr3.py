@@ -17,6 +17,7 @@ from irsbot_kinematics.geometry import require, require_finite
 from irsbot_kinematics.guarantees import CHORD, EXACT, HALF, Errors
 from irsbot_kinematics.mechanism import Coordinate, Cuspidal, Floats, Legs, Posture, Signs, Status, sign_of
 from irsbot_kinematics.mechanisms.turning_platform import Travel, TurningPlatform
+from irsbot_kinematics.skeleton import BASE, Cut, Link, Skeleton, Z, planar_end
 from irsbot_kinematics.tolerances import CLOSURE_TOL_M, COINCIDENT_TOL_M
 
 _CORNERS = tuple((cos(angle), sin(angle)) for angle in (7.0 * pi / 6.0, 11.0 * pi / 6.0, 0.5 * pi))
@@ -218,6 +219,25 @@ class Rrr3(TurningPlatform):
             ((a1x, a1y), (a2x, a2y), (a3x, a3y)),
             (hypot(v1x, v1y), hypot(v2x, v2y), hypot(v3x, v3y), abs(w1), abs(w2), abs(w3)),
         )
+
+    def skeleton(self) -> Skeleton:
+        """Leg 1 carries the platform; at 0 a leg is stretched along +x."""
+        g, links = self.geometry, []
+        corners = [(g.rp * x, g.rp * y, 0.0) for x, y in _CORNERS]
+        for leg, (joint, (x, y)) in enumerate(zip(self.joints, _CORNERS, strict=True), 1):
+            bar = ((g.l, 0.0, 0.0),)
+            links.append(Link(f"arm_{leg}", f"base_{leg}", BASE, (g.rb * x, g.rb * y, 0.0), Z, shape=bar))
+            links.append(Link(f"rod_{leg}", joint.name, f"arm_{leg}", (g.l, 0.0, 0.0), Z, shape=bar))
+        links += planar_end("rod_1", g.l, Z, corners)
+        cuts = tuple(Cut(f"rod_{leg}", (g.l, 0.0, 0.0), corners[leg - 1]) for leg in (2, 3))
+        return Skeleton(tuple(links), tuple(joint.name for joint in self.joints), cuts, self._passive)
+
+    def _passive(self, joints: Floats, pose: Floats) -> dict[str, float]:
+        """A leg of equal links points half its elbow's angle aside."""
+        rows = self.at(joints, pose, 0, (0.0, 0.0)).screws
+        starts = [atan2(ry, rx) - 0.5 * FLOATS.wrap(q) for q, (rx, ry, _) in zip(joints, rows, strict=True)]
+        angles = {f"base_{leg}": start for leg, start in enumerate(starts, 1)}
+        return {**angles, "wrist_1": pose[2] - starts[0] - joints[0]}
 
     def bias(self, at: Posture, joint_rates: Sequence[float], pose_rates: Sequence[float]) -> Floats:
         """Second derivative of rho_i - 2 l cos(q_i/2)."""

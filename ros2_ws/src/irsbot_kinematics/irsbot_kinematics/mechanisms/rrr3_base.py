@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import cos, hypot, nan, sin
+from math import atan2, cos, hypot, nan, sin
 from typing import ClassVar
 
 import numpy as np
@@ -17,6 +17,7 @@ from irsbot_kinematics.assemblies import planar_closing
 from irsbot_kinematics.geometry import require, require_finite, require_size
 from irsbot_kinematics.mechanism import Cuspidal, Floats, Legs, Posture, Status, sign_of
 from irsbot_kinematics.mechanisms.crank_platform import TINY, CrankPlatform, Point
+from irsbot_kinematics.skeleton import Cut, Link, Skeleton, Z, planar_end
 
 
 @dataclass(frozen=True)
@@ -163,6 +164,21 @@ class Rrr3Base(CrankPlatform):
         both_x = np.concatenate([x - aside * dy, x + aside * dy], axis=1)
         both_y = np.concatenate([y + aside * dx, y - aside * dx], axis=1)
         return both_x, both_y, np.tile(turn, (1, 2))
+
+    def skeleton(self) -> Skeleton:
+        """Leg 1 carries the platform; at 0 cranks and rods point to +x."""
+        links, end = [], (self.rod, 0.0, 0.0)
+        for leg, arm in enumerate(self.arms(), 1):
+            links.append(arm)
+            links.append(Link(f"rod_{leg}", f"elbow_{leg}", arm.name, (self.crank, 0.0, 0.0), Z, shape=(end,)))
+        links += planar_end("rod_1", self.rod, Z, self.platform_corners)
+        cuts = tuple(Cut(f"rod_{leg}", end, self.platform_corners[leg - 1]) for leg in (2, 3))
+        return Skeleton(tuple(links), tuple(joint.name for joint in self.joints), cuts, self._passive)
+
+    def _passive(self, joints: Floats, pose: Floats) -> dict[str, float]:
+        ways = [atan2(ry, rx) for rx, ry, _ in self.at(joints, pose, 0, (0.0, 0.0)).screws]
+        angles = {f"elbow_{leg}": way - q for leg, (way, q) in enumerate(zip(ways, joints, strict=True), 1)}
+        return {**angles, "wrist_1": pose[2] - ways[0]}
 
     def bias(self, at: Posture, joint_rates: Sequence[float], pose_rates: Sequence[float]) -> Floats:
         """Second derivative of |C_iB_i|: the platform's, the crank's and the rod's centripetal parts."""

@@ -22,6 +22,7 @@ from irsbot_kinematics.boxes import Reached, least_singular
 from irsbot_kinematics.geometry import require, require_finite
 from irsbot_kinematics.mechanism import Cuspidal, Floats, Legs, Posture
 from irsbot_kinematics.mechanisms.crank_platform import TINY, CrankPlatform
+from irsbot_kinematics.skeleton import Cut, Rod, Skeleton, X, Z, turned
 
 
 @dataclass(frozen=True)
@@ -177,6 +178,28 @@ class Ruu4(CrankPlatform):
         _, rate = self.turn_rate(at)
         sine = 1.0 / (rate * self.rod - 1.0)
         return min(super().clearance(at), at.constraint * sine / (sqrt(2.0) * rate))
+
+    def skeleton(self) -> Skeleton:
+        """The first rod carries the platform; at 0 cranks and rods point to +x."""
+        links = []
+        for arm, rod in zip(self.arms(), self._rods, strict=True):
+            links += [arm, *rod.links()]
+        links += self._rods[0].carry(self.platform_corners)
+        pairs = list(zip(self._rods, self.platform_corners, strict=True))
+        cuts = tuple(Cut(rod.name, rod.end, corner) for rod, corner in pairs[1:])
+        return Skeleton(tuple(links), tuple(joint.name for joint in self.joints), cuts, self._passive)
+
+    @property
+    def _rods(self) -> list[Rod]:
+        at = (self.crank, 0.0, 0.0)
+        return [Rod(f"rod_{leg}", f"arm_{leg}", at, Z, X, self.rod) for leg in range(1, 5)]
+
+    def _passive(self, joints: Floats, pose: Floats) -> dict[str, float]:
+        angles: dict[str, float] = {}
+        rows = self.at(joints, pose, 0, (0.0, 0.0)).screws
+        for rod, q, row in zip(self._rods, joints, rows, strict=True):
+            angles.update(rod.near(turned(-q, row[:3])))
+        return {**angles, **self._rods[0].far(turned(-joints[0], rows[0][:3]), pose[3] - joints[0])}
 
     def bias(self, at: Posture, joint_rates: Sequence[float], pose_rates: Sequence[float]) -> Floats:
         """Second derivative of |C_iB_i|: the platform's, the crank's and the rod's centripetal parts."""

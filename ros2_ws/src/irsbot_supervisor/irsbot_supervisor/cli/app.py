@@ -25,6 +25,7 @@ from irsbot_supervisor.cli import (
     settings,
     sizing,
     stiffness,
+    urdf,
 )
 from irsbot_supervisor.cli.common import NUMBERS, Failed, err
 from irsbot_supervisor.core.motion import BadTrajectory
@@ -58,6 +59,7 @@ app.command("bench")(bench.bench)
 app.command("faults")(faults.faults)
 app.command("map")(map.draw)
 app.command("stiffness", context_settings=NUMBERS)(stiffness.show)
+app.command("urdf")(urdf.write)
 design.app.command("size")(sizing.size)
 app.add_typer(design.app, name="design")
 app.add_typer(algebra.app, name="algebra")

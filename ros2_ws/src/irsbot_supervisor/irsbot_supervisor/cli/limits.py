@@ -10,8 +10,9 @@ import yaml
 from rich.table import Table
 
 from irsbot_kinematics import BadInput
-from irsbot_supervisor.cli.common import Failed, out, print_json
-from irsbot_supervisor.core.guide import Guide, Plant, propose
+from irsbot_kinematics.urdf import joint_ranges
+from irsbot_supervisor.cli.common import Failed, existing, out, print_json
+from irsbot_supervisor.core.guide import Guide, Plant, Proposal, propose
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.settings_file import PARAMETERS, robot_of, shipped_values
 
@@ -34,6 +35,7 @@ def limits(
     encoder_offset: Annotated[float | None, typer.Option(help="largest error of a joint's zero, rad or m")] = None,
     geometry_tolerance: Annotated[float | None, typer.Option(help="largest error of a leg, m")] = None,
     force_ratio: Annotated[float, typer.Option(help="how many times the load a leg may carry")] = FORCE_RATIO,
+    description: Annotated[Path | None, typer.Option("--urdf", help="URDF with the ranges of the joints")] = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="write the settings here, as ROS parameters")
     ] = None,
@@ -64,6 +66,8 @@ def limits(
         given("stamp_jitter_s", stamp_jitter),
     )
     guide = propose(machine, robot, plant)
+    if description is not None:
+        guide.proposals.extend(_ranges(description, [joint.name for joint in machine.mechanism.joints]))
     if as_json:
         print_json(
             {
@@ -83,6 +87,13 @@ def limits(
         output.write_text(settings_text(robot, guide), encoding="utf-8")
         if not as_json:
             out.print(f"written to {output}")
+
+
+def _ranges(description: Path, names: list[str]) -> list[Proposal]:
+    """The ranges of the joints as settings. Raises BadInput, OSError."""
+    lower, upper = joint_ranges(existing(description, "the URDF").read_text(encoding="utf-8"), names)
+    why = f"as {description.name} has it"
+    return [Proposal("position_lower", lower, why), Proposal("position_upper", upper, why)]
 
 
 def settings_text(robot: str, guide: Guide) -> str:

@@ -36,6 +36,7 @@ from irsbot_supervisor.suite import (
     KINEMATICS,
     RECORDER,
     SUPERVISOR,
+    TOGETHER,
     Node,
     Suite,
     SuiteError,
@@ -141,11 +142,14 @@ def up(
     gate: Annotated[
         bool, typer.Option("--gate", help="the joints take commands through the command gate alone")
     ] = False,
+    together: Annotated[bool, typer.Option("--single-process", help="all nodes in one process")] = False,
 ) -> None:
     """Run the suite until Ctrl-C: simulated joints, kinematics, supervisor, recorder.
 
     A recorder or kinematics node that ends is reported, and supervision goes on; the exit code is 1 then. Any other
     node ends them all.
+
+    With --single-process they are the threads of one process, suite_node; its death is the death of all.
 
     With --gate the robot stands and waits: command it on `command_in` (trajectories) or `velocity_in`.
 
@@ -168,13 +172,20 @@ def up(
     _prepare(target)
     _end_in_order_when_told_to()
     with Suite(target / LOGS, domain, place, params) as suite, contextlib.suppress(KeyboardInterrupt):
-        suite.start(Node("recorder", RECORDER, {"output": str(target / BAG)}))
-        suite.start(Node("kinematics", KINEMATICS, {"robot": robot}))
-        suite.start(Node("supervisor", SUPERVISOR, {"robot": robot}))
         drives = {"robot": robot, "scenario": STANDING if gate else scenario, "gated": gate, "listeners": LISTENERS}
-        suite.start(Node("simulated_joints", JOINTS, drives, GATED if gate else {}))
+        bag = {"output": str(target / BAG)}
+        if together:
+            remaps = {f"simulated_joints:{topic}": other for topic, other in GATED.items()} if gate else {}
+            suite.start(Node("suite", TOGETHER, {**bag, **drives}, remaps))
+        else:
+            suite.start(Node("recorder", RECORDER, bag))
+            suite.start(Node("kinematics", KINEMATICS, {"robot": robot}))
+            suite.start(Node("supervisor", SUPERVISOR, {"robot": robot}))
+            suite.start(Node("simulated_joints", JOINTS, drives, GATED if gate else {}))
         out.print(f"up on DDS domain {domain}, logs and bag under {target}; Ctrl-C ends it")
         _watch_over(suite)
+    if together and suite.processes["suite"].returncode:
+        raise Failed(f"a node failed; its last lines are in {target / LOGS / 'suite.log'}")
 
 
 def _prepare(target: Path) -> None:

@@ -62,6 +62,10 @@ class Assessor:
             self._gaps = ()
         return self._judged(joints, lasting=True)
 
+    def lose(self, why: str) -> None:
+        """Nobody knows the branch from now on."""
+        self._lost = self._lost or why
+
     @property
     def lost(self) -> bool:
         """Whether nobody knows the branch."""

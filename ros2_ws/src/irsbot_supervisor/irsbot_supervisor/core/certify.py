@@ -26,6 +26,7 @@ from irsbot_supervisor.core.estimation.estimate import Speeds
 from irsbot_supervisor.core.estimation.observer import excess
 from irsbot_supervisor.core.motion import BadTrajectory
 from irsbot_supervisor.core.policy import KINDS, WORDS
+from irsbot_supervisor.core.position_limits import PositionLimits
 from irsbot_supervisor.core.reach import Reach, position_error
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.core.stopping import MORE_HALVINGS, BoxBounds, floor_of, limits_of
@@ -38,6 +39,9 @@ SMALL = 0.1
 
 CUTS = 24
 """How often one segment is halved at most: 2^-24 of it is far below what any controller resolves."""
+
+RANGE_CUTS = 10
+"""How often a segment is halved to find where a joint leaves its range."""
 
 
 class Violation(NamedTuple):
@@ -181,6 +185,7 @@ class _Walk:
         if self._assembly not in self._mechanism.assembly_modes:
             raise BadTrajectory(f"assembly mode {assembly_mode} is not one of {self._mechanism.assembly_modes}")
         self._working = settings.working_mode
+        self._position = PositionLimits(settings, robot.mechanism.joints)
         self._motion = motion
         self._stop = limits
         self._error = position_error(settings)
@@ -191,11 +196,54 @@ class _Walk:
     def walk(self) -> Certificate:
         """The certificate of the whole motion."""
         motion = self._motion
-        violation = self._start()
+        violation, leaving = self._start(), self._leaving()
         for first in range(0, len(motion.low), STRETCH):
             if violation is None:
                 violation = self._segments(first, min(first + STRETCH, len(motion.low)))
-        return Certificate(violation, tuple(self._minima))
+        found = [one for one in (violation, leaving) if one is not None]
+        return Certificate(min(found, key=lambda one: one.time_s, default=None), tuple(self._minima))
+
+    def _leaving(self) -> Violation | None:
+        """Where a joint first leaves its range, or could not be stopped in it; one that begins outside may return."""
+        if not self._position.given:
+            return None
+        for segment in range(len(self._motion.low)):
+            if (found := self._leaves(segment, 0.0, 1.0, RANGE_CUTS)) is not None:
+                return found
+        return None
+
+    def _leaves(self, segment: int, start: float, end: float, cuts: int) -> Violation | None:
+        motion, position = self._motion, self._position
+        begin, errors = motion.q[0], np.array(self._reach.errors)
+        lower, upper = np.minimum(position.lower, begin - errors), np.maximum(position.upper, begin + errors)
+        low, high = motion.part(segment, start, end)
+        down, up = self._until_rest(*motion.rates(segment, start, end))
+        under, over = ~(low - down >= lower), ~(high + up <= upper)
+        if not (under | over).any():
+            return None
+        if cuts:
+            middle = 0.5 * (start + end)
+            first = self._leaves(segment, start, middle, cuts - 1)
+            return first or self._leaves(segment, middle, end, cuts - 1)
+        joint = int(np.flatnonzero(under | over)[0])
+        joints = tuple(motion.part(segment, start, start)[0].tolist())
+        time_s = float((1.0 - start) * motion.times[segment] + start * motion.times[segment + 1])
+        limit = (position.upper if over[joint] else position.lower)[joint]
+        text = f"joint {joint + 1} at {joints[joint]:.4g} at {time_s:.4f} s leaves its range, limit {limit:.4g}"
+        nowhere = (nan,) * len(self._mechanism.task)
+        return Violation(time_s, int(Cause.POSITION), joints[joint], limit, joints, nowhere, text)
+
+    def _until_rest(self, slow: Array, fast: Array) -> tuple[Array, Array]:
+        """rad or m that the joints may get backward and forward, from rates between slow and fast, until they stand;
+        their errors alone if only the way itself counts."""
+        if self._ahead_s is None:
+            error = np.full(len(slow), self._error)
+            return error, error
+        forward = tuple((np.maximum(fast, 0.0) + self._excess).tolist())
+        backward = tuple((np.maximum(-slow, 0.0) + self._excess).tolist())
+        ahead, back = self._reach.until_rest(Speeds(forward, backward), self._ahead_s + self._latency_s)
+        errors = np.array(self._reach.errors)
+        return np.array(back) + errors, np.array(ahead) + errors
 
     def _start(self) -> Violation | None:
         """The motion must begin in the configured branch; afterwards positive margins keep it there."""
@@ -251,17 +299,10 @@ class _Walk:
             at = self._mechanism.track(middle, here) if here.status == Status.SOLVED else here
         if at.status != Status.SOLVED:
             return at, (0.0, 0.0, 0.0, 0.0), False
-        down = up = np.full(len(low), self._error)
-        small = False
-        if self._ahead_s is not None:
-            forward = tuple((np.maximum(fast, 0.0) + self._excess).tolist())
-            backward = tuple((np.maximum(-slow, 0.0) + self._excess).tolist())
-            ahead, back = self._reach.until_rest(Speeds(forward, backward), self._ahead_s + self._latency_s)
-            errors = np.array(self._reach.errors)
-            down, up = np.array(back) + errors, np.array(ahead) + errors
-            small = bool((high - low <= SMALL * (down + up)).all())
+        down, up = self._until_rest(slow, fast)
         if self._ahead_s is None:
             return at, self._bounds.around(at, tuple((0.5 * (high - low) + self._error).tolist())), False
+        small = bool((high - low <= SMALL * (down + up)).all())
         box = tuple((low - down).tolist()), tuple((high + up).tolist())
         return at, self._bounds.least(at, *box, ((self._stop, cuts),)), small
 

@@ -10,6 +10,7 @@ gives back what was gained. In doubt the answer is to hold.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 from math import inf, isfinite
 from typing import NamedTuple
 
@@ -21,6 +22,7 @@ from irsbot_supervisor.core.estimation.observer import excess
 from irsbot_supervisor.core.intake import S
 from irsbot_supervisor.core.latch import Judgement
 from irsbot_supervisor.core.policy import KINDS, WORDS
+from irsbot_supervisor.core.position_limits import PositionLimits
 from irsbot_supervisor.core.reach import position_error
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.core.stopping import StoppingPredictor, floor_of, limits_of
@@ -91,6 +93,7 @@ class Gate:
         self._keep = _raised(self._stop)
         self._error = (position_error(settings),) * len(settings.velocity_limit)
         self._slack_m = settings.slack_m
+        self._position = PositionLimits(settings, self._mechanism.joints)
 
     def velocity(self, wanted: Sequence[float], view: View | None) -> Allowed:
         """The part of commanded joint velocities (rad/s or m/s, robot order) that is allowed until the next call."""
@@ -105,6 +108,9 @@ class Gate:
         rates = tuple(rate / excess for rate in wanted)
         text = f"scaled to {1.0 / excess:.3g}: speed limit" if excess > 1.0 else ""
         kept = self._kept(view, rates, share, limits)
+        inside = self._position.kept(view.at.joints, kept, partial(self._followed, view), view.ahead_s)
+        if inside != kept:
+            return Allowed(inside, f"{'limited by' if any(inside) else 'held:'} the range of a joint")
         if self._along == self._inward == 1.0:
             return Allowed(kept, text)
         return Allowed(kept, f"{'limited by' if any(kept) else 'held:'} the {WORDS[KINDS[self._kind]]}")

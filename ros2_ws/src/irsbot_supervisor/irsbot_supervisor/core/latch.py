@@ -64,6 +64,10 @@ class Latch:
         for finding in self._passed(findings):
             self._held[finding.cause, finding.level] = finding, at_ns
 
+    def count_on(self, event: int) -> None:
+        """The next stop has at least this number."""
+        self.now = self.now._replace(event=max(self.now.event, event - 1))
+
     def update(self, findings: list[Finding], at_ns: int, escape: Floats = ()) -> bool:
         """Take in what was found at a time (steady clock). True if the judgement changed."""
         if self._bypass is not None:

@@ -1,7 +1,7 @@
 """The supervisor: events in, states and verdicts out. Time is in the events; nothing here asks a clock.
 
-A sample, a tick of a timer, an operator's reset or bypass and new settings enter by the same door, so that all of it
-replays.
+A sample, a tick of a timer, a restart, an operator's reset or bypass and new settings enter by the same door, so that
+all of it replays.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from irsbot_msgs_py.records import (
     JointSample,
     Level,
     Reset,
+    Restart,
     SingularityState,
     Tick,
     Verdict,
@@ -33,6 +34,7 @@ from irsbot_supervisor.core.gate import View
 from irsbot_supervisor.core.intake import Intake, Rejected, S
 from irsbot_supervisor.core.latch import Judgement, Latch
 from irsbot_supervisor.core.policy import KINDS, Policy
+from irsbot_supervisor.core.position_limits import PositionLimits
 from irsbot_supervisor.core.report import Reporter
 from irsbot_supervisor.core.settings import LEAST_LIMIT, InvalidSettings, Settings
 from irsbot_supervisor.core.stop_monitor import MeasuredStop, StopMonitor
@@ -50,7 +52,10 @@ class Configure(NamedTuple):
     settings: Settings
 
 
-Event = JointSample | Tick | Reset | Bypass | Configure
+Event = JointSample | Tick | Restart | Reset | Bypass | Configure
+
+RESTARTED = "the supervisor was started again, and nobody watched the robot meanwhile: it waits for a reset"
+"""Why nobody knows the branch after a restart."""
 
 FOREVER = 2**63
 """ns: later than any clock."""
@@ -106,6 +111,8 @@ class Supervisor:
             self._configure(event)
             self._pass_time(event.seen_ns)  # what silence is has changed, too
             changed = True
+        elif isinstance(event, Restart):
+            self._restart(event)
         elif isinstance(event, Reset):
             refusal = self._reset(event)
         elif isinstance(event, Bypass):
@@ -119,6 +126,7 @@ class Supervisor:
         self._predictor = StoppingPredictor(settings, mechanism)
         self._bounds = BoxBounds(mechanism, settings.slack_m)
         self._policy = Policy(settings, mechanism.joints)
+        self._position = PositionLimits(settings, mechanism.joints)
         self._reporter = Reporter(settings, mechanism, self.robot.name)
         self._stale_ns = round(settings.stale_s * S)
         self._heartbeat_ns = round(settings.heartbeat_s * S)
@@ -238,7 +246,7 @@ class Supervisor:
         found = self._policy.judge(estimate, assessment, counts, reaction, self._latch.now.causes)
         if counts is not floor and not first:
             found.append(self._policy.rare(estimate, floor))
-        found = self._found = [*found, *self._stops.look(estimate)]
+        found = self._found = [*found, *self._position.judge(estimate, first), *self._stops.look(estimate)]
         escape: Floats = ()
         if found and not self._latch.latched and any(finding.level == Level.STOP for finding in found):
             escape = self._escape(assessment, found)
@@ -266,6 +274,13 @@ class Supervisor:
             self._hold(sample.seen_ns)
         return self._reporter.rejected(sample, self._samples, why.cause)
 
+    def _restart(self, restart: Restart) -> None:
+        """A stop of the supervisor that ended may have been in force, and the branch may have changed since."""
+        self._assessor.lose(RESTARTED)
+        self._latch.count_on(restart.event)
+        self._found = [Finding(Cause.BRANCH, Level.UNKNOWN, nan, nan, "", RESTARTED)]
+        self._hold(restart.seen_ns)
+
     def _reset(self, reset: Reset) -> str:
         good = self._good
         if good is None or self._stale:
@@ -284,6 +299,7 @@ class Supervisor:
         at = assessment.at
         floor = self._predictor.predict(at, good.speeds, good.ahead_s) if at.status == SOLVED else None
         active = self._policy.judge(good, assessment, floor, self._reporter.reaction(good, assessment), 0)
+        active += self._position.judge(good)
         stopped = any(finding.level == Level.STOP for finding in active)
         escape = self._escape(assessment, active) if stopped else ()
         lost = self._latch.lost

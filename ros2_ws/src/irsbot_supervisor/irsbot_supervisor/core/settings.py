@@ -73,6 +73,12 @@ class Settings:
         "rad/s2 or m/s2", "fastest speeding up of each joint; empty: as deceleration_limit", 1e-6, 1e6, optional=True
     )
     deceleration_limit: tuple[float, ...] = _each_joint("rad/s2 or m/s2", "least braking of each joint", 1e-6, 1e6)
+    position_lower: tuple[float, ...] = _each_joint(
+        "rad or m", "lowest position of each joint; empty: not limited", -1e6, 1e6, optional=True
+    )
+    position_upper: tuple[float, ...] = _each_joint(
+        "rad or m", "highest position of each joint; empty: not limited", -1e6, 1e6, optional=True
+    )
     velocity_tolerance: tuple[float, ...] = _each_joint(
         "rad/s or m/s", "largest error of reported velocities; 10000: not trusted", 0.0, UNTRUSTED, optional=True
     )
@@ -204,6 +210,10 @@ def _cross_faults(settings: Settings, robot: Robot) -> list[str]:
         faults.append(f"heartbeat_s ({settings.heartbeat_s!r}) must not exceed stale_s ({settings.stale_s!r})")
     if not settings.sample_gap_s <= settings.stale_s:
         faults.append(f"sample_gap_s ({settings.sample_gap_s!r}) must not exceed stale_s ({settings.stale_s!r})")
+    if not all(low < high for low, high in zip(settings.position_lower, settings.position_upper, strict=False)):
+        faults.append(
+            f"position_lower {settings.position_lower} must be below position_upper {settings.position_upper}"
+        )
     names = settings.joint_names
     if len(names) != len(robot.mechanism.joints) or len(set(names)) != len(names):
         faults.append(f"joint_names {list(names)} must be {len(robot.mechanism.joints)} different names")

@@ -26,7 +26,7 @@ PERIOD_S = 1.0
 
 CHECKS = {
     "margins": Cause.TYPE1 | Cause.TYPE2 | Cause.CONSTRAINT | Cause.LIMB | Cause.BRAKING,
-    "motion": Cause.SPEED | Cause.REACTION,
+    "motion": Cause.SPEED | Cause.REACTION | Cause.POSITION,
     "branch": Cause.NOT_ASSEMBLED | Cause.BRANCH,
     "joint states": Cause.NO_DATA | Cause.STALE | Cause.STAMP | Cause.NAMES | Cause.NONFINITE | Cause.IMPLAUSIBLE,
     "velocities": Cause.DEGRADED,

@@ -67,6 +67,7 @@ class RecorderNode(Node):
     def __init__(self) -> None:
         super().__init__("recorder")
         self.exit_code: int | None = None
+        self.bystander = True
         given = {name: self._parameter(name, *described) for name, described in PARAMETERS.items()}
         mode, self._reserve_bytes = given["mode"], MIB * given["reserve_mib"]
         if mode not in ("all", "blackbox"):

@@ -20,7 +20,7 @@ from std_msgs.msg import String
 
 from irsbot_kinematics import KinematicsError
 from irsbot_msgs_py.cdr import encode_state, encode_verdict
-from irsbot_msgs_py.records import Bypass, Reset, Tick, Verdict
+from irsbot_msgs_py.records import Bypass, Reset, Restart, Tick, Verdict
 from irsbot_msgs_py.shell import run
 from irsbot_supervisor.core.motion import BadTrajectory
 from irsbot_supervisor.core.pipeline import Configure, Event, Step, Supervisor
@@ -36,6 +36,7 @@ from irsbot_supervisor.nodes.lifecycle import answer_every_request, forget_state
 from irsbot_supervisor.nodes.markers import MarkersPublisher
 from irsbot_supervisor.nodes.parameters import ChangingSettings, declare_settings
 from irsbot_supervisor.nodes.partners import Partners
+from irsbot_supervisor.nodes.posture import PosturePublisher
 from irsbot_supervisor.nodes.safe import PROMISED, SafePublisher
 from irsbot_supervisor.nodes.samples import Samples
 from irsbot_supervisor.nodes.verdict_log import VerdictLog
@@ -43,6 +44,8 @@ from irsbot_supervisor.nodes.verdict_log import VerdictLog
 PARAMETERS = {
     "autostart": (True, "become active at the start, without waiting for transitions"),
     "base_frame": ("base", "frame of ~/markers"),
+    "frame_prefix": ("", "before the names of frames on /tf, as robot_state_publisher has it"),
+    "start_latched": (False, "started again after an end: level UNKNOWN until a reset"),
 }
 """Those that are no settings, with default and description."""
 
@@ -73,7 +76,7 @@ class SupervisorNode(LifecycleNode):
     def __init__(self) -> None:
         super().__init__("supervisor")
         answer_every_request(self)
-        autostart, self._frame = (
+        autostart, self._frame, prefix, self._restarted = (
             self.declare_parameter(name, default, ParameterDescriptor(description=text, read_only=True)).value
             for name, (default, text) in PARAMETERS.items()
         )
@@ -90,6 +93,7 @@ class SupervisorNode(LifecycleNode):
         self._samples = Samples(self, INLET, self._step)
         self._diagnostics = DiagnosticsPublisher(self, self._supervisor, Partners(self), self._samples, self._fail)
         self._markers = MarkersPublisher(self, self._robot, self._supervisor, self._frame, self._fail)
+        self._posture = PosturePublisher(self, self._robot, prefix, self._fail)
         self._gate = CommandGate(self, settings, self._robot, self._supervisor, self._fail)
         action = action_type()
         self._follow = FollowServer(self, action, self._gate, self._supervisor) if action else None
@@ -123,6 +127,11 @@ class SupervisorNode(LifecycleNode):
         self._start_heart(self._settings)
         self._active = True
         self._configure(self._settings)
+        if self._restarted:
+            self._restarted = False
+            restart = Restart(*self._now(), int(time.time()))
+            self._note(restart)
+            self._step(restart)
         self._samples.open()
         self._gate.open()
         topic = self.resolve_topic_name("~/verdict")
@@ -174,7 +183,7 @@ class SupervisorNode(LifecycleNode):
             self._follow.close()
         self._safe.close()
         self._diagnostics.forget()
-        self._markers.verdict = self._markers.state = None
+        self._markers.verdict = self._markers.state = self._posture.state = None
         for publisher in self._speech:
             self.destroy_publisher(publisher)
         self._speech = []
@@ -254,7 +263,7 @@ class SupervisorNode(LifecycleNode):
             if step.state is not None:
                 spent = (time.monotonic_ns() - event.seen_ns) * 1e-9
                 self._states.publish(encode_state(step.state._replace(compute_time=spent)))
-                self._markers.state = self._diagnostics.state = step.state
+                self._markers.state = self._diagnostics.state = self._posture.state = step.state
             if step.verdict is not None:
                 self._say(step.verdict)
                 self._markers.verdict = self._diagnostics.verdict = step.verdict

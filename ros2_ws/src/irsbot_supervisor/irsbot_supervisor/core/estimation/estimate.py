@@ -22,8 +22,8 @@ class Silence(NamedTuple):
 
 
 class InTime(NamedTuple):
-    """What would be known of joints whose samples have come late, if they came as they are sent now and the joints moved
-    as they seem to. Nothing is certain of it: it tells a robot that is in danger from one that is seen too rarely."""
+    """What would be known of joints whose samples have come late, if samples came as they are sent now and the joints
+    moved as they seem to. Nothing is certain of it: it tells a robot in danger from one that is seen too rarely."""
 
     speeds: Speeds
     ahead_s: float  # s that the robot would go on unseen

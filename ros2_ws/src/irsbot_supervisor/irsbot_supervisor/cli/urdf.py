@@ -1,0 +1,36 @@
+"""`urdf`: the description of a robot for RViz, robot_state_publisher and MoveIt."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from irsbot_kinematics import urdf
+from irsbot_supervisor.cli.common import out, robot_named
+from irsbot_supervisor.core.settings import completed
+from irsbot_supervisor.settings_file import shipped_values
+
+
+def write(
+    robot: Annotated[str, typer.Argument(help="preset name or YAML file")],
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="write it here; printed if left out")] = None,
+) -> None:
+    """Write a robot as URDF: links, joints with their limits, passive joints, and cylinders to look at.
+
+    URDF knows no loops: they are cut. The supervisor publishes the positions of the passive joints.
+
+    Example: irsbot urdf irsbot2 -o irsbot2.urdf
+    """
+    machine = robot_named(robot)
+    text = urdf.urdf(machine)
+    if shipped := shipped_values(machine):
+        settings = completed({**shipped, "robot": robot}, machine)
+        lower, upper = settings.position_lower, settings.position_upper
+        text = urdf.urdf(machine, settings.joint_names, lower, upper, settings.velocity_limit)
+    if output is None:
+        out.print(text, end="")
+        return
+    output.write_text(text, encoding="utf-8")
+    out.print(f"written to {output}")

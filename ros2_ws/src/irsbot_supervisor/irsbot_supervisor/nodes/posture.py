@@ -1,0 +1,86 @@
+"""~/passive_joint_states and /tf: where the links are that no encoder sees, for RViz and robot_state_publisher.
+
+robot_state_publisher knows no loops. It moves the links that `joint_states` tells of; the links that hang from passive
+joints are told here, from the posture that is supervised. `irsbot urdf` writes the description to it.
+"""
+
+from __future__ import annotations
+
+from math import cos, isfinite, sin
+from typing import Any
+
+from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
+from rclpy.clock import Clock, ClockType
+from rclpy.lifecycle import LifecycleNode
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import JointState
+
+from irsbot_kinematics import Robot
+from irsbot_kinematics.skeleton import Link
+from irsbot_msgs_py.records import SingularityState
+from irsbot_msgs_py.stamps import sec_nanosec
+from irsbot_supervisor.nodes.guard import Fail, guarded
+
+PERIOD_S = 0.05
+"""s between messages: smooth for people, and what robot_state_publisher does."""
+
+
+class PosturePublisher:
+    """Remembers the newest state and tells its passive joints, while somebody listens. A robot whose mechanism has no
+    skeleton has none."""
+
+    def __init__(self, node: LifecycleNode, robot: Robot, prefix: str, fail: Fail) -> None:
+        """prefix: of the frames, as robot_state_publisher has it for several robots."""
+        self.state: SingularityState | None = None
+        skeleton = robot.mechanism.skeleton()
+        if skeleton is None:
+            return
+        self._skeleton, self._prefix = skeleton, prefix
+        self._links = [link for link in skeleton.links if link.joint in skeleton.passive]
+        self._told = 0  # sequence of the state that was told last
+        self._joints = node.create_publisher(JointState, "~/passive_joint_states", 10)
+        self._frames_type = frames_type()
+        self._frames = (
+            node.create_publisher(self._frames_type, "/tf", QoSProfile(depth=100)) if self._frames_type else None
+        )
+        steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
+        node.create_timer(PERIOD_S, guarded(self._tell, fail), clock=steady)
+
+    def _tell(self) -> None:
+        state = self.state
+        listened = self._joints.get_subscription_count()
+        watched = self._frames is not None and self._frames.get_subscription_count()
+        if state is None or state.sequence == self._told or not (listened or watched):
+            return
+        if not all(map(isfinite, (*state.joint_position, *state.pose))):
+            return
+        self._told = state.sequence
+        positions = self._skeleton.closing(state.joint_position, state.pose)
+        if listened:
+            message = JointState(name=[link.joint for link in self._links])
+            message.header.stamp.sec, message.header.stamp.nanosec = sec_nanosec(state.stamp_ns)
+            message.position = [positions[link.joint] for link in self._links]
+            self._joints.publish(message)
+        if self._frames is not None and watched:
+            frames = [self._frame(link, positions[link.joint], state.stamp_ns) for link in self._links]
+            self._frames.publish(self._frames_type(transforms=frames))
+
+    def _frame(self, link: Link, position: float, stamp_ns: int) -> TransformStamped:
+        frame = TransformStamped(child_frame_id=self._prefix + link.name)
+        frame.header.frame_id = self._prefix + link.parent
+        frame.header.stamp.sec, frame.header.stamp.nanosec = sec_nanosec(stamp_ns)
+        x, y, z = link.origin
+        frame.transform.translation = Vector3(x=x, y=y, z=z)
+        half = sin(0.5 * position)
+        x, y, z = link.axis or (0.0, 0.0, 0.0)
+        frame.transform.rotation = Quaternion(x=half * x, y=half * y, z=half * z, w=cos(0.5 * position))
+        return frame
+
+
+def frames_type() -> Any:
+    """tf2_msgs/TFMessage, or None where tf2_msgs is not installed."""
+    try:
+        from tf2_msgs.msg import TFMessage
+    except ImportError:
+        return None
+    return TFMessage

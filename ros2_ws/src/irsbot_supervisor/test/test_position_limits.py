@@ -1,0 +1,120 @@
+"""Ranges of joints: a robot is stopped before it leaves them, returns when it is out, and is not led out of them."""
+
+from __future__ import annotations
+
+from math import nan
+
+import numpy as np
+import pytest
+from supervised import feed, joints_of, ready, reset, resting, sample, settings_of, supervisor_of, tick
+
+from irsbot_msgs_py.records import Cause, Level
+from irsbot_supervisor.closed_loop import GuidedRobot
+from irsbot_supervisor.core.certify import certify
+from irsbot_supervisor.core.motion import Command
+from irsbot_supervisor.core.motion_gate import MotionGate, Situation
+from irsbot_supervisor.core.settings import InvalidSettings
+from irsbot_supervisor.core.stopping import limits_of
+
+MIDDLE = (0.0, -0.85)
+Q = tuple(joints_of(supervisor_of(), *MIDDLE))
+ROOM = 0.3
+"""rad from the middle to each end of the ranges."""
+
+RANGES = {"position_lower": [q - ROOM for q in Q], "position_upper": [q + ROOM for q in Q]}
+
+
+def test_inside_is_ok_and_outside_is_a_latched_stop_that_ends_by_a_reset_inside():
+    supervisor, q = ready(pose=MIDDLE, **RANGES)
+    outside = (q[0] + ROOM + 0.01, q[1])
+    way = np.linspace(0.0, 1.0, 500)
+    feed(supervisor, [sample(ms, np.add(q, share * np.subtract(outside, q))) for ms, share in enumerate(way)])
+    feed(supervisor, resting(500, 800, outside))
+    verdict = supervisor.step(tick(800)).verdict
+    assert verdict is not None
+    assert (verdict.level, verdict.latched) == (Level.STOP, True)
+    assert verdict.causes & Cause.POSITION
+    assert "'joint_1'" in verdict.text
+    assert "the cause is still there" in supervisor.step(reset(801, verdict.event)).refusal
+    feed(
+        supervisor, [sample(802 + ms, np.add(outside, share * np.subtract(q, outside))) for ms, share in enumerate(way)]
+    )
+    feed(supervisor, resting(1302, 1600, q))
+    assert supervisor.step(reset(1600, verdict.event)).refusal == ""
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("rate", [1.0, 6.0])
+def test_a_joint_that_runs_at_its_limit_is_stopped_inside(sign: float, rate: float):
+    """The drives are those of the simulation, told to run on past the gate until the verdict."""
+    settings, robot = settings_of("irsbot2", **RANGES)
+    guided = GuidedRobot(robot, settings, Q, latency_s=0.5 * settings.latency_s)
+    for _ in range(20):
+        guided.drift()
+    farthest = 0.0
+    for _ in range(100):
+        if guided.now.level < Level.STOP:
+            guided.rush((0.0, sign * rate))
+        else:
+            guided.drift()
+        farthest = max(farthest, abs(guided.drives.now.position[1] - Q[1]))
+    assert guided.now.level == Level.STOP
+    assert guided.now.causes & Cause.POSITION
+    assert 0.4 * ROOM < farthest < ROOM
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"position_lower": [nan, 0.0]}, "position_lower is nan"),
+        ({"position_lower": [0.0, 0.0], "position_upper": [1.0, 0.0]}, "must be below"),
+        ({"position_lower": [0.0, 0.0, 0.0]}, "one per joint"),
+    ],
+)
+def test_ranges_that_mean_nothing_are_refused(change, words):
+    with pytest.raises(InvalidSettings, match=words):
+        settings_of("irsbot2", **change)
+
+
+def test_the_gate_ends_a_velocity_command_in_front_of_the_limit_and_the_robot_is_not_stopped():
+    settings, robot = settings_of("irsbot2", **RANGES)
+    guided = GuidedRobot(robot, settings, Q)
+    for _ in range(20):
+        guided.drift()
+    for _ in range(300):
+        guided.beat((0.0, 4.0))
+    assert guided.now.level < Level.STOP
+    assert 0.5 * ROOM < guided.drives.now.position[1] - Q[1] < ROOM
+
+
+def test_planned_motions_that_leave_a_range_are_refused_and_named():
+    settings, robot = settings_of("irsbot2", **RANGES)
+    inside, beyond = (Q[0], Q[1] + 0.9 * ROOM), (Q[0], Q[1] + 1.1 * ROOM)
+    assert certify(robot, settings, [0.0, 1.0], [Q, inside]).safe
+    found = certify(robot, settings, [0.0, 0.5, 1.0], [Q, inside, beyond]).violation
+    assert found is not None
+    assert found.cause == Cause.POSITION
+    assert 0.5 < found.time_s < 1.0
+    back = certify(robot, settings, [0.0, 1.0], [beyond, Q])
+    assert back.safe, back.violation
+    assert not certify(robot, settings, [0.0, 1.0], [beyond, (Q[0], Q[1] + 1.2 * ROOM)]).safe
+
+
+def test_a_commanded_trajectory_ends_inside():
+    settings, robot = settings_of("irsbot2", **RANGES)
+    at = robot.mechanism.posture(Q, settings.assembly_mode)
+    goal = (Q[0], Q[1] + 1.2 * ROOM)
+    command = Command((1.0,), (goal,), ())
+    allowed = MotionGate(settings, robot).motion(
+        command, Situation(at, (0.0, 0.0), 1.0, limits_of(settings, "stop"), 0.004)
+    )
+    assert "leaves its range" in allowed.text
+    assert allowed.path is not None
+    assert 0.5 * ROOM < max(point[1] for point in allowed.path.positions) - Q[1] < ROOM
+
+
+def test_after_a_first_sample_only_the_place_counts():
+    supervisor = supervisor_of(**RANGES)
+    state = supervisor.step(sample(0, Q)).state
+    assert state is not None
+    assert not state.causes & Cause.POSITION
