@@ -71,9 +71,9 @@ class Supervision:
     def command(self, names: list[str], points: list[tuple[float, list[float]]]) -> None:
         """Publish a trajectory once the joints listen."""
         message = JointTrajectory(joint_names=names)
-        for time, positions in points:
+        for due_s, positions in points:
             point = JointTrajectoryPoint(positions=positions)
-            point.time_from_start.sec, point.time_from_start.nanosec = divmod(round(time * 1e9), 10**9)
+            point.time_from_start.sec, point.time_from_start.nanosec = divmod(round(due_s * 1e9), 10**9)
             message.points.append(point)
         self.until(lambda heard: self._commands.get_subscription_count() > 0)
         self._commands.publish(message)
