@@ -237,12 +237,13 @@ def test_a_typed_value_that_means_nothing_is_refused(cell: Cell, name: str, text
 
 
 def test_bending_that_counts_is_found_at_the_start_and_cannot_grow_unsaid(wire: Wire):
-    mine = {"compliance": "on", "tubes": "five_bar_table1"}
+    mine = {"compliance": True, "tubes": "five_bar_table1", "reaction_check": False}  # as YAML reads `on` and `off`
     cell = Cell(wire, robot="five_bar", **mine)
     cell.say = resting(tuple(irs.make_robot("five_bar").inverse((0.1, -0.7)).tolist()))
     cell.heard_level(Level.OK)
-    request = GetParameters.Request(names=["compliance_slack_m"])
-    (found,) = cell.call(GetParameters, "supervisor/get_parameters", request).values
+    request = GetParameters.Request(names=["compliance_slack_m", "reaction_check"])
+    found, word = cell.call(GetParameters, "supervisor/get_parameters", request).values
+    assert word.string_value == "none"
     assert found.double_value == pytest.approx(read_settings("five_bar", mine)[0].slack_m)
     said = "load_force_n lets the robot bend more: set compliance_slack_m in the same call"
     assert cell.set(load_force_n=20.0) == (False, said)

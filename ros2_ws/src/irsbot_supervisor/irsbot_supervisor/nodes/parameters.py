@@ -43,7 +43,8 @@ def declare_settings(node: Node) -> tuple[Settings, Robot]:
             declared = list(default) if isinstance(default, tuple) else default
             changes[name] = node.declare_parameter(name, declared, _descriptor(entry.metadata)).value
     settings, robot = read_settings(robot_name, {name: _plain(value) for name, value in changes.items()})
-    node.set_parameters([Parameter("compliance_slack_m", value=settings.compliance_slack_m)])  # as found from the tubes
+    found = ("compliance_slack_m", "reaction_check")  # from the tubes, and the word for what may have been a boolean
+    node.set_parameters([Parameter(name, value=getattr(settings, name)) for name in found])
     return settings, robot
 
 
@@ -138,6 +139,7 @@ def _descriptor(metadata: Any) -> ParameterDescriptor:
     unit, words = metadata["unit"], metadata.get("words")
     text = metadata["text"] + (f" [{unit}]" if unit else "")
     descriptor = ParameterDescriptor(description=text, read_only=bool(metadata.get("read_only")))
+    descriptor.dynamic_typing = bool(words)  # YAML reads `on` and `off` as booleans
     if words:
         descriptor.additional_constraints = "one of " + ", ".join(words)
     elif metadata.get("each_joint"):
