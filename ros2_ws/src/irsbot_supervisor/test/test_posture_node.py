@@ -31,7 +31,7 @@ class FakeNode:
         self.said: dict[str, list[Any]] = {}
         self.listeners = listeners
 
-    def create_publisher(self, _kind: Any, topic: str, _qos: Any) -> Any:
+    def create_publisher(self, _kind: Any, topic: str, _qos: Any, **_more: Any) -> Any:
         said = self.said.setdefault(topic, [])
         return SimpleNamespace(publish=said.append, get_subscription_count=lambda: self.listeners)
 

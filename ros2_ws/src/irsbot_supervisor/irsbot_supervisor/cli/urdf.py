@@ -9,7 +9,7 @@ import typer
 
 from irsbot_kinematics import urdf
 from irsbot_supervisor.cli.common import out, robot_named
-from irsbot_supervisor.core.settings import completed
+from irsbot_supervisor.core.settings import UNLIMITED, completed
 from irsbot_supervisor.settings_file import shipped_values
 
 
@@ -27,7 +27,13 @@ def write(
     text = urdf.urdf(machine)
     if shipped := shipped_values(machine):
         settings = completed({**shipped, "robot": robot}, machine)
-        lower, upper = settings.position_lower, settings.position_upper
+        lower, upper = (
+            [limit if abs(limit) < UNLIMITED else own for limit, own in zip(limits, ranges, strict=True)]
+            for limits, ranges in (
+                (settings.position_lower, [joint.lower for joint in machine.mechanism.joints]),
+                (settings.position_upper, [joint.upper for joint in machine.mechanism.joints]),
+            )
+        )
         text = urdf.urdf(machine, settings.joint_names, lower, upper, settings.velocity_limit)
     if output is None:
         out.print(text, end="")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import inf
 from operator import add
 
 from irsbot_kinematics.mechanism import Coordinate
@@ -11,7 +10,7 @@ from irsbot_msgs_py.records import Cause, Finding, Floats, Level
 from irsbot_supervisor.core.estimation.estimate import Estimate, Speeds
 from irsbot_supervisor.core.estimation.sample_interval import SETTLING
 from irsbot_supervisor.core.reach import Reach
-from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.core.settings import UNLIMITED, Settings
 
 SHARES = (0.0, *[0.5**k for k in range(7, -1, -1)])
 """1: of a commanded rate that leads out of a range, what is tried."""
@@ -24,11 +23,8 @@ class PositionLimits:
     """The ranges of one robot, applied. The tests are written for what is accepted, so that NaN is refused."""
 
     def __init__(self, settings: Settings, joints: tuple[Coordinate, ...]) -> None:
-        n = len(joints)
-        self.lower: Floats = settings.position_lower or (-inf,) * n
-        """rad or m."""
-        self.upper: Floats = settings.position_upper or (inf,) * n
-        self.given = bool(settings.position_lower or settings.position_upper)
+        self.lower, self.upper = settings.position_lower, settings.position_upper
+        self.given = any(abs(limit) < UNLIMITED for limit in (*self.lower, *self.upper))
         self._names, self._units = settings.joint_names, [joint.unit for joint in joints]
         self._reach, self._latency_s = Reach(settings), settings.latency_s
         self._settling = SETTLING * settings.stale_s

@@ -24,6 +24,10 @@ UNTRUSTED = 1e4
 """rad/s or m/s: reported velocities that may be off by so much say nothing."""
 
 
+UNLIMITED = 1e6
+"""rad or m: no joint gets so far."""
+
+
 class InvalidSettings(ValueError):
     """Settings that cannot be used; the message names every fault with the values."""
 
@@ -74,10 +78,10 @@ class Settings:
     )
     deceleration_limit: tuple[float, ...] = _each_joint("rad/s2 or m/s2", "least braking of each joint", 1e-6, 1e6)
     position_lower: tuple[float, ...] = _each_joint(
-        "rad or m", "lowest position of each joint; empty: not limited", -1e6, 1e6, optional=True
+        "rad or m", "lowest position of each joint; -1e6: not limited", -UNLIMITED, UNLIMITED, optional=True
     )
     position_upper: tuple[float, ...] = _each_joint(
-        "rad or m", "highest position of each joint; empty: not limited", -1e6, 1e6, optional=True
+        "rad or m", "highest position of each joint; 1e6: not limited", -UNLIMITED, UNLIMITED, optional=True
     )
     velocity_tolerance: tuple[float, ...] = _each_joint(
         "rad/s or m/s", "largest error of reported velocities; 10000: not trusted", 0.0, UNTRUSTED, optional=True
@@ -144,6 +148,8 @@ def completed(values: Mapping[str, Any], robot: Robot) -> Settings:
         "assembly_mode": robot.mechanism.usual_assembly_mode,
         "acceleration_limit": given.get("deceleration_limit", ()),
         "velocity_tolerance": (UNTRUSTED,) * n,
+        "position_lower": (-UNLIMITED,) * n,
+        "position_upper": (UNLIMITED,) * n,
     }
     given.update({name: value for name, value in usual.items() if _is_open(given.get(name))})
     settings = Settings(**given)
@@ -210,7 +216,7 @@ def _cross_faults(settings: Settings, robot: Robot) -> list[str]:
         faults.append(f"heartbeat_s ({settings.heartbeat_s!r}) must not exceed stale_s ({settings.stale_s!r})")
     if not settings.sample_gap_s <= settings.stale_s:
         faults.append(f"sample_gap_s ({settings.sample_gap_s!r}) must not exceed stale_s ({settings.stale_s!r})")
-    if not all(low < high for low, high in zip(settings.position_lower, settings.position_upper, strict=False)):
+    if not all(low < high for low, high in zip(settings.position_lower, settings.position_upper, strict=True)):
         faults.append(
             f"position_lower {settings.position_lower} must be below position_upper {settings.position_upper}"
         )

@@ -17,6 +17,7 @@ from irsbot_kinematics import Coordinate
 from irsbot_msgs_py.records import Cause, Level, SingularityState, Verdict
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.core.pipeline import Supervisor
+from irsbot_supervisor.nodes.endpoints import publisher
 from irsbot_supervisor.nodes.guard import Fail, guarded
 from irsbot_supervisor.nodes.partners import Finding, Partners
 from irsbot_supervisor.nodes.samples import Samples
@@ -51,7 +52,7 @@ class DiagnosticsPublisher:
         self._node, self._supervisor, self._partners, self._samples = node, supervisor, partners, samples
         self._skipped = 0  # until the last report
         self._counted = (time.monotonic_ns(), 0, 0)  # at the last report: steady clock, samples, verdicts
-        self._publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 10)
+        self._publisher = publisher(node, DiagnosticArray, "/diagnostics", 10)
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
         node.create_timer(PERIOD_S, guarded(self._report, fail), clock=steady)
 

@@ -29,6 +29,7 @@ from irsbot_supervisor.core.motion_gate import MotionGate, Situation
 from irsbot_supervisor.core.pipeline import Supervisor
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.nodes.commands import command_of
+from irsbot_supervisor.nodes.endpoints import publisher, subscription
 
 Fail = Callable[[Exception], None]
 
@@ -100,10 +101,10 @@ class CommandGate:
         self._open = False
         self._out = Lock()  # held by whoever says something, so that nothing follows a hold that was known before
         self._work: SimpleQueue[Task | None] = SimpleQueue()
-        self._trajectories = node.create_publisher(JointTrajectory, "command_out", DEPTH)
-        self._velocities = node.create_publisher(Float64MultiArray, "velocity_out", DEPTH)
-        node.create_subscription(JointTrajectory, "command_in", self._guarded(self._on_trajectory), DEPTH)
-        node.create_subscription(Float64MultiArray, "velocity_in", self._guarded(self._on_velocity), DEPTH)
+        self._trajectories = publisher(node, JointTrajectory, "command_out", DEPTH)
+        self._velocities = publisher(node, Float64MultiArray, "velocity_out", DEPTH)
+        subscription(node, JointTrajectory, "command_in", self._guarded(self._on_trajectory), DEPTH)
+        subscription(node, Float64MultiArray, "velocity_in", self._guarded(self._on_velocity), DEPTH)
         self._worker = Thread(target=self._certify, name="command gate", daemon=True)
         self._worker.start()
 
@@ -136,8 +137,8 @@ class CommandGate:
         self._drop()
         self._work.put(None)
         self._worker.join(END_S)
-        for publisher in (self._velocities, self._trajectories):
-            publisher.wait_for_all_acked(Span(seconds=HEARD_S))
+        for told in (self._velocities, self._trajectories):
+            told.wait_for_all_acked(Span(seconds=HEARD_S))
 
     @property
     def is_open(self) -> bool:

@@ -16,6 +16,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from irsbot_kinematics import Mechanism, Posture, Robot, statics
 from irsbot_msgs_py.records import Cause, Level, SingularityState, Verdict
 from irsbot_supervisor.core.pipeline import Supervisor
+from irsbot_supervisor.nodes.endpoints import publisher
 from irsbot_supervisor.nodes.guard import Fail, guarded
 
 PERIOD_S = 0.1
@@ -51,7 +52,7 @@ class MarkersPublisher:
         self.verdict: Verdict | None = None
         self._node, self._mechanism, self._supervisor, self._frame = node, robot.mechanism, supervisor, frame
         self._place = (0.0, 0.0, 0.0)
-        self._publisher = node.create_publisher(MarkerArray, "~/markers", 1)
+        self._publisher = publisher(node, MarkerArray, "~/markers", 1)
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
         node.create_timer(PERIOD_S, guarded(self._draw, fail), clock=steady)
 

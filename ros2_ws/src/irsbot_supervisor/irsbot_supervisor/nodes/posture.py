@@ -12,13 +12,13 @@ from typing import Any
 from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode
-from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 
 from irsbot_kinematics import Robot
 from irsbot_kinematics.skeleton import Link
 from irsbot_msgs_py.records import SingularityState
 from irsbot_msgs_py.stamps import sec_nanosec
+from irsbot_supervisor.nodes.endpoints import publisher
 from irsbot_supervisor.nodes.guard import Fail, guarded
 
 PERIOD_S = 0.05
@@ -38,11 +38,9 @@ class PosturePublisher:
         self._skeleton, self._prefix = skeleton, prefix
         self._links = [link for link in skeleton.links if link.joint in skeleton.passive]
         self._told = 0  # sequence of the state that was told last
-        self._joints = node.create_publisher(JointState, "~/passive_joint_states", 10)
+        self._joints = publisher(node, JointState, "~/passive_joint_states", 10)
         self._frames_type = frames_type()
-        self._frames = (
-            node.create_publisher(self._frames_type, "/tf", QoSProfile(depth=100)) if self._frames_type else None
-        )
+        self._frames = publisher(node, self._frames_type, "/tf", 100) if self._frames_type else None
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
         node.create_timer(PERIOD_S, guarded(self._tell, fail), clock=steady)
 

@@ -26,6 +26,7 @@ from irsbot_supervisor.blackbox import BlackBox, Kept, StopWatch
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.journal import Configuration, JournalError, read_entry
 from irsbot_supervisor.mcap_writer import BagError
+from irsbot_supervisor.nodes.endpoints import publisher
 from irsbot_supervisor.nodes.taps import Source, Taken, Taps
 from irsbot_supervisor.tape import TapeWriter, installed_topic
 
@@ -88,7 +89,7 @@ class RecorderNode(Node):
         latest = QoSProfile(
             depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
         )
-        self._health = self.create_publisher(RecorderHealthMsg, "~/health", latest)
+        self._health = publisher(self, RecorderHealthMsg, "~/health", latest)
         self._taps = Taps(self, sources, given["depth"])
         self.create_timer(given["flush_s"], self._write)
         self.create_timer(HEALTH_PERIOD_S, self._report)

@@ -12,6 +12,7 @@ from sensor_msgs.msg import JointState
 
 from irsbot_msgs_py.cdr import CdrError, decode_joint_state
 from irsbot_msgs_py.records import JointSample
+from irsbot_supervisor.nodes.endpoints import subscription
 
 MOST_HZ = 2500.0
 """Up to this rate every sample is judged, on a machine of which we get half a core."""
@@ -45,8 +46,8 @@ class Samples:
         self._allowed, self._since_ns = float(BURST), time.monotonic_ns()
         self._held = b""  # the newest sample that has not been judged
         self._open = False
-        self.subscription = node.create_subscription(
-            JointState, "joint_states", self._on_sample, qos, raw=True, qos_overriding_options=OVERRIDES
+        self.subscription = subscription(
+            node, JointState, "joint_states", self._on_sample, qos, raw=True, offered=OVERRIDES
         )
 
     def settle(self) -> None:

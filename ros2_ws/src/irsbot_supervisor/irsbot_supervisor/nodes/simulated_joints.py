@@ -25,6 +25,7 @@ from irsbot_msgs_py.shell import FAILED, run
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.core.motion import BadTrajectory, Command
 from irsbot_supervisor.nodes.commands import command_of
+from irsbot_supervisor.nodes.endpoints import publisher, subscription
 from irsbot_supervisor.nodes.pacing import Pacer, RosTime
 from irsbot_supervisor.nodes.simulation_parameters import declare_simulation
 from irsbot_supervisor.sim.errors import BadFault, SimulationError
@@ -64,11 +65,11 @@ class SimulatedJointsNode(Node):
         self._injector = self._new_injector(line)
         self._commands: SimpleQueue[Command] = SimpleQueue()
         self._rates: SimpleQueue[tuple[float, ...]] = SimpleQueue()
-        self._outlets = [self.create_publisher(JointState, "joint_states", STREAM)]
+        self._outlets = [publisher(self, JointState, "joint_states", STREAM)]
         self._born_ns, self._begun = time.monotonic_ns(), False
-        self.create_subscription(Verdict, "supervisor/verdict", self._on_verdict, LATCHED, raw=True)
-        self.create_subscription(JointTrajectory, "joint_trajectory", self._on_trajectory, 10)
-        self.create_subscription(Float64MultiArray, "joint_velocity", self._on_velocity, 10)
+        subscription(self, Verdict, "supervisor/verdict", self._on_verdict, LATCHED, raw=True)
+        subscription(self, JointTrajectory, "joint_trajectory", self._on_trajectory, 10)
+        subscription(self, Float64MultiArray, "joint_velocity", self._on_velocity, 10)
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
         self.get_logger().info(f"{self._robot.name}: {scenario.name}, {scenario.description}")
@@ -114,7 +115,7 @@ class SimulatedJointsNode(Node):
     def _open(self, outlets: int) -> None:
         """A fault may ask for a second publisher, as long as it acts."""
         while len(self._outlets) < outlets:
-            self._outlets.append(self.create_publisher(JointState, "joint_states", STREAM))
+            self._outlets.append(publisher(self, JointState, "joint_states", STREAM))
         while len(self._outlets) > outlets:
             self.destroy_publisher(self._outlets.pop())
 

@@ -27,8 +27,10 @@ from irsbot_supervisor.core.pipeline import Configure, Event, Step, Supervisor
 from irsbot_supervisor.core.settings import InvalidSettings, Settings
 from irsbot_supervisor.journal import Entry, configured, write_entry
 from irsbot_supervisor.nodes.as_declared import read_as_declared
+from irsbot_supervisor.nodes.bond import Bond
 from irsbot_supervisor.nodes.check import answered, asked, refused
 from irsbot_supervisor.nodes.diagnostics import DiagnosticsPublisher
+from irsbot_supervisor.nodes.endpoints import quality
 from irsbot_supervisor.nodes.follow import FollowServer, action_type
 from irsbot_supervisor.nodes.gate import CommandGate
 from irsbot_supervisor.nodes.later import Later, Steps
@@ -90,10 +92,13 @@ class SupervisorNode(LifecycleNode):
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._heart: Timer | None = None
         self._speech: list[Publisher] = []
+        self._stream = quality(self, SingularityState, "~/state", STREAM)
+        self._lasting = quality(self, String, "~/journal", JOURNAL)
         self._samples = Samples(self, INLET, self._step)
         self._diagnostics = DiagnosticsPublisher(self, self._supervisor, Partners(self), self._samples, self._fail)
         self._markers = MarkersPublisher(self, self._robot, self._supervisor, self._frame, self._fail)
         self._posture = PosturePublisher(self, self._robot, prefix, self._fail)
+        self._bond = Bond(self, self._fail)
         self._gate = CommandGate(self, settings, self._robot, self._supervisor, self._fail)
         action = action_type()
         self._follow = FollowServer(self, action, self._gate, self._supervisor) if action else None
@@ -121,11 +126,13 @@ class SupervisorNode(LifecycleNode):
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Begin, or go on as after as long a gap between two samples: with UNKNOWN if it was a silence. A latched stop
         stays."""
-        self._states = self._speaking(SingularityState, "~/state", STREAM)
-        self._verdicts = self._speaking(VerdictMsg, "~/verdict", PROMISED)
-        self._journal = self._speaking(String, "~/journal", JOURNAL)
+        self._states = self.create_publisher(SingularityState, "~/state", self._stream)
+        self._verdicts = self.create_publisher(VerdictMsg, "~/verdict", PROMISED)
+        self._journal = self.create_publisher(String, "~/journal", self._lasting)
+        self._speech = [self._states, self._verdicts, self._journal]
         self._start_heart(self._settings)
         self._active = True
+        self._bond.form()
         self._configure(self._settings)
         if self._restarted:
             self._restarted = False
@@ -168,14 +175,10 @@ class SupervisorNode(LifecycleNode):
         forget_state_machine(self)
         super().destroy_node()
 
-    def _speaking(self, kind: type, topic: str, qos: QoSProfile) -> Publisher:
-        """A publisher until the node falls silent."""
-        self._speech.append(self.create_publisher(kind, topic, qos))
-        return self._speech[-1]
-
     def _fall_silent(self) -> None:
         """A beat of the heart may still come until the executor has noticed; it finds us inactive."""
         self._active = False
+        self._bond.end()
         self._stop_heart()
         self._samples.close()
         self._gate.close()
@@ -184,8 +187,8 @@ class SupervisorNode(LifecycleNode):
         self._safe.close()
         self._diagnostics.forget()
         self._markers.verdict = self._markers.state = self._posture.state = None
-        for publisher in self._speech:
-            self.destroy_publisher(publisher)
+        for spoken in self._speech:
+            self.destroy_publisher(spoken)
         self._speech = []
 
     def _start_heart(self, settings: Settings) -> None:

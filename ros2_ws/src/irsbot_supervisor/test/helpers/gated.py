@@ -27,7 +27,7 @@ class FakeNode:
         self.log: list[str] = []
         self.spoke = Condition()
 
-    def create_publisher(self, _kind: Any, topic: str, _qos: Any) -> Any:
+    def create_publisher(self, _kind: Any, topic: str, _qos: Any, **_more: Any) -> Any:
         said = self.said.setdefault(topic, [])
 
         def publish(message: Any) -> None:
@@ -37,7 +37,7 @@ class FakeNode:
 
         return SimpleNamespace(publish=publish, wait_for_all_acked=lambda _span: True)
 
-    def create_subscription(self, _kind: Any, topic: str, callback: Any, _qos: Any) -> None:
+    def create_subscription(self, _kind: Any, topic: str, callback: Any, _qos: Any, **_more: Any) -> None:
         self.hears[topic] = callback
 
     def get_logger(self) -> Any:
