@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from irsbot_kinematics import statics
-from irsbot_kinematics.quadratics import Array, Quadratic, joined, multiplied, terms
+from irsbot_kinematics.quadratics import Array, Quadratic, multiplied, terms
 
 if TYPE_CHECKING:
     from irsbot_kinematics.mechanism import Floats, Posture
@@ -52,27 +52,26 @@ class Reached(NamedTuple):
 
     type2: float  # lower bound of the Type 2 margin
     pose: Quadratic  # (m,) displacement and turn of the platform, m and rad
-    rods: Quadratic  # (n, k) m, the rods as vectors, seen from the base
+    rods: Quadratic  # (dims, n) m, the rods as vectors, seen from the base
     longest: Array  # (n,) m, of the rods
 
     @property
     def moves(self) -> list[Floats]:
         """m per joint, of the platform point, to first order."""
-        ways = self._displacement.p[:, self.pose.terms.joints]
-        return [tuple(way) for way in ways.T.tolist()]
+        return [tuple(way) for way in self._displacement.p[self.pose.terms.joints].tolist()]
 
     @property
     def aside(self) -> float:
         """m by which the platform point may be elsewhere."""
-        return hypot(*_besides(self._displacement).tolist())
+        return hypot(*self._displacement.besides().tolist())
 
     @property
     def changes(self) -> list[Change]:
         """Of every rod."""
         joints, found = self.rods.terms.joints, []
-        for vector, rest in zip(self.rods.p, _besides(self.rods), strict=True):
-            length = hypot(*vector[:, 0])
-            ways = (vector[:, joints].T / length).tolist()
+        for vector, rest in zip(np.moveaxis(self.rods.p, 2, 0), self.rods.besides().T, strict=True):
+            length = hypot(*vector[0])
+            ways = (vector[joints] / length).tolist()
             found.append(Change(ways, _largest(ways), hypot(*rest) / length))
         return found
 
@@ -84,7 +83,7 @@ class Reached(NamedTuple):
 
     @property
     def _displacement(self) -> Quadratic:
-        return self.pose[: self.rods.p.shape[1]]
+        return self.pose[: len(self.rods.rest)]
 
 
 def reached(at: Posture, rods: Sequence[Rod], arm: float = 0.0) -> Reached | None:
@@ -103,233 +102,215 @@ def reached(at: Posture, rods: Sequence[Rod], arm: float = 0.0) -> Reached | Non
             return None
         pose, seen, vectors = found
         type2 = _type2_over(platform, seen, arm)
-        return Reached(type2 if type2 > 0.0 else 0.0, pose, vectors, platform.longest)
+    return Reached(type2 if type2 > 0.0 else 0.0, pose, vectors, platform.longest)
 
 
 class _Platform:
-    """The rods of a posture, and how they follow from pose and joints."""
+    """The rods of a posture, and how they follow from pose and joints. Vectors are (dims, n), one column a leg."""
 
     def __init__(self, at: Posture, rods: Sequence[Rod]) -> None:
         n, dims, size = len(rods), len(rods[0].near), len(at.screws[0])
-        self.dims, self.turning = dims, bool(at.arms)
+        self.dims, self.turning = dims, size > dims
         t = self.terms = terms(n, size)
         each, still = np.arange(n), (0.0,) * dims
-        columns = [
-            (*rod.near, *(rod.curve or still), rod.length, rod.growth, rod.growth_curve, rod.growth_aside, rod.aside)
-            for rod in rods
-        ]
-        table = np.array(columns)
-        near, curve = table[:, :dims], table[:, dims : 2 * dims]
-        length, growth, bend, uncertain, aside = table[:, 2 * dims :].T
-        self.screws = np.array(at.screws)
-        r = self.screws[:, :dims]
-        self.arms = np.zeros((n, dims))
-        if self.turning:
-            self.arms[:, :2] = at.arms
-        self.lengths, self.aside = length, aside
-        self.drives = (r * near).sum(1) + growth
-        self.near = np.zeros((n, dims, t.number))
-        self.near[:, :, 0] = self.arms - length[:, None] * r
-        self.near[each, :, 1 + each] = near
-        self.near[each, :, t.squares] = curve
-        # (length + growth s + bend s^2 + uncertain)^2/2
-        self.length = np.zeros((n, t.number))
-        self.length[:, 0], self.length[each, 1 + each], self.length[each, t.squares] = length, growth, bend
-        self.uncertain = uncertain
-        self.half = np.zeros((n, t.number))
-        self.half[:, 0] = 0.5 * length * length
-        self.half[each, 1 + each] = length * growth
-        self.half[each, t.squares] = length * bend + 0.5 * growth * growth
+        table = np.array([(*rod.near, *(rod.curve or still)) for rod in rods]).T
+        near, curve = table[:dims], table[dims:]
+        numbers = [(rod.length, rod.growth, rod.growth_curve, rod.growth_aside, rod.aside) for rod in rods]
+        length, growth, bend, uncertain, self.aside = np.array(numbers).T
+        self.screws = np.array(at.screws).T.copy()
+        self.arms = np.array(at.arms).T.copy() if self.turning else np.zeros((2, n))
+        self.lengths = length
+        self.drives = (self.screws[:dims] * near).sum(0) + growth
+        self.near = np.zeros((t.number, dims, n))
+        self.near[0] = -length * self.screws[:dims]
+        self.near[0, :2] += self.arms[:dims]
+        self.near[1 + each, :, each] = near.T
+        self.near[1 + n + each, :, each] = curve.T
+        self.length = np.zeros((t.number, n))
+        self.length[0], self.length[1 + each, each], self.length[1 + n + each, each] = length, growth, bend
         self.longest = length + abs(growth) + abs(bend) + uncertain
+        self.uncertain = uncertain
+        self.half = 0.5 * multiplied(t, self.length, self.length)
         self.half_rest = abs(growth * bend) + 0.5 * bend * bend + uncertain * self.longest
-        self.half_rest += (self.longest + 0.5 * aside) * aside
+        self.half_rest += (self.longest + 0.5 * self.aside) * self.aside
 
     def vectors(self, pose: Array) -> tuple[Quadratic | None, Quadratic]:
-        """cos and sin of the turn, as far as there is one, and the rods (n, dims), of a pose without rest."""
+        """cos and sin of the turn, as far as there is one, and the rods (dims, n), of a pose (N, m) without rest."""
         t, arms = self.terms, self.arms
-        vectors, rest = pose[: self.dims] - self.near, np.zeros(arms.shape)
+        vectors, rest = pose[:, : self.dims, None] - self.near, np.zeros(self.near.shape[1:])
         if not self.turning:
             return None, Quadratic(t, vectors, rest)
-        turn = pose[-1]
-        first = turn[t.joints]
-        one, more = abs(turn) @ t.sizes
+        turn = pose[:, -1]
+        first, (one, more) = turn[t.joints], (t.sizes @ abs(turn)).tolist()
         most = one + more
-        turned = np.zeros((2, t.number))
-        turned[0, 0], turned[1] = 1.0, turn
-        turned[0, t.pairs] = -0.5 * (first[:, None] * first).ravel() @ t.fold
-        rests = np.array([more * (one + 0.5 * more) + most**4 / 24.0, most**3 / 6.0])
-        x, y = arms[:, 0], arms[:, 1]
-        vectors[:, :2] += arms[:, :2, None] * turned[0]
-        vectors[:, 0] -= y[:, None] * turn
-        vectors[:, 1] += x[:, None] * turn
-        rest[:, :2] = abs(arms[:, :2]) * rests[0] + abs(arms[:, 1::-1]) * rests[1]
+        turned = np.zeros((t.number, 2))
+        turned[:, 1], turned[0, 0] = turn, 1.0
+        turned[t.pairs, 0] = -0.5 * (t.fold @ (first[:, None] * first).ravel())
+        rests = np.array([more * (one + 0.5 * more) + most * most * most * most / 24.0, most * most * most / 6.0])
+        ways = np.array([arms, [-arms[1], arms[0]]])
+        vectors[:, :2] += (turned @ ways.reshape(2, -1)).reshape(-1, *arms.shape)
+        rest[:2] = rests[0] * abs(arms) + rests[1] * abs(arms[::-1])
         return Quadratic(t, turned, rests), Quadratic(t, vectors, rest)
 
-    def misfit(self, vectors: Quadratic) -> Quadratic:
-        """(n,) m^2, what the halves of the rods' squares are too large by."""
-        squares = vectors * vectors
-        return Quadratic(self.terms, 0.5 * squares.p.sum(1) - self.half, 0.5 * squares.rest.sum(1) + self.half_rest)
-
     def pose(self, inverse: Array) -> tuple[Quadratic, Quadratic, Quadratic] | None:
-        """Pose (m,), and rods (n, dims) seen from the platform and from the base."""
+        """Pose (m,), and rods (dims, n) seen from the platform and from the base."""
         t, per = self.terms, inverse / self.lengths
-        pose = np.zeros((len(inverse), t.number))
-        pose[:, t.joints] = inverse * self.drives
-        vectors = self.vectors(pose)[1].p
-        pose -= per @ (0.5 * multiplied(t, vectors, vectors).sum(1) - self.half)
-        pose[:, 0] = 0.0
+        pose = np.zeros((t.number, len(inverse)))
+        pose[t.joints] = (inverse * self.drives).T
+        first = self.vectors(pose)[1].p
+        pose[t.pairs] = (self.half - 0.5 * multiplied(t, first, first).sum(1))[t.pairs] @ per.T
         room = self._rest(pose, per)
         if room is None:
             return None
-        pose[:, t.effects] = np.diag(room)
+        pose[t.effects] = np.diag(room)
         turned, rods = self.vectors(pose)
-        rods.rest = rods.rest + self.aside[:, None]
+        rods.rest += self.aside
         seen = rods if turned is None else _turned_back(turned, rods)
-        return Quadratic(t, pose, np.zeros(len(pose))), seen, rods
+        return Quadratic(t, pose, np.zeros(len(inverse))), seen, rods
 
     def _rest(self, pose: Array, per: Array) -> Array | None:
         """(m,) by which the pose may be elsewhere, displacement and turn; None if there is no bound."""
-        dims, (_, vectors) = self.dims, self.vectors(pose)
-        misfit = self.misfit(vectors)
-        start = abs(per) @ misfit.largest()
-        # How the rows (w, (R c) x w) of the Jacobian change with the joints,
-        rows = np.zeros((*self.screws.shape, pose.shape[1]))
-        rests = np.zeros(self.screws.shape)
-        rows[:, :dims], rests[:, :dims] = vectors.p, vectors.rest
-        radius = longest = 0.0 * self.lengths
+        dims, (_, vectors), size = self.dims, self.vectors(pose), abs(per)
+        squares, w = vectors * vectors, vectors.p
+        start = size @ (abs(0.5 * squares.p.sum(1) - self.half).sum(0) + 0.5 * squares.rest.sum(0) + self.half_rest)
+        # How the Jacobian, columns (w, (R c) x w), changes with the joints,
+        change, rests = w, vectors.rest
+        x, y = self.arms
         if self.turning:
-            (x, y), w, turn = self.arms[:, :2].T, vectors.p, pose[-1]
-            radius, longest, most = np.hypot(x, y), self.longest + self.aside, abs(turn).sum()
-            rows[:, dims] = x[:, None] * w[:, 1] - y[:, None] * w[:, 0]
-            rows[:, dims] -= ((x * w[:, 0, 0] + y * w[:, 1, 0])[:, None]) * turn
-            change = np.hypot(*(abs(w[:, :2, 1:]).sum(2) + vectors.rest[:, :2]).T)
-            rests[:, dims] = abs(x) * vectors.rest[:, 1] + abs(y) * vectors.rest[:, 0]
-            rests[:, dims] += radius * most * (0.5 * most * (self.lengths + change) + change)
-        rows[:, :, 0] -= self.lengths[:, None] * self.screws
-        size = abs(per)
-        changes = (per @ rows.reshape(len(per), -1)).reshape(rows.shape)
-        share = abs(changes).sum(-1) + size @ rests
-        farther = np.zeros(self.screws.shape)
-
-        def shares(room: Array) -> Array:
-            """(m, m): and within the room itself, half as much on the average of the way through it."""
-            move, turn = hypot(*room[:dims].tolist()), room[-1] if self.turning else 0.0
-            end = move + radius * turn
-            farther[:, :dims] = 0.5 * end[:, None]
-            if self.turning:
-                farther[:, dims] = 0.5 * radius * (end + turn * (longest + end))
-            both: Array = share + size @ farther
-            return both
-
-        found = start
+            change, rests = np.empty((len(w), dims + 1, len(x))), np.empty((dims + 1, len(x)))
+            change[:, :dims], rests[:dims] = w, vectors.rest
+            turn, most = pose[:, -1:], abs(pose[:, -1]).sum()
+            change[:, dims] = x * w[:, 1] - y * w[:, 0] - turn * (x * w[0, 0] + y * w[0, 1])
+            radius, moved = np.hypot(x, y), np.hypot(*(abs(w[1:, :2]).sum(0) + vectors.rest[:2]))
+            rests[dims] = abs(x) * vectors.rest[1] + abs(y) * vectors.rest[0]
+            rests[dims] += radius * most * (0.5 * most * (self.lengths + moved) + moved)
+        change[0] -= self.lengths * self.screws
+        shares = abs(change.reshape(-1, len(x)) @ per.T).reshape(-1, len(per), len(per)).sum(0).T + size @ rests.T
+        found: Array | None = start
         for _ in range(BOXES):
-            try:
-                found = np.linalg.solve(np.eye(len(start)) - shares(found), start)
-            except np.linalg.LinAlgError:
-                return None
-            if not (found >= 0.0).all():
+            if found is None or (found := _solved(shares + size @ self._farther(found), start)) is None:
                 return None
             room = WIDER * found + LEAST
-            found = start + shares(room) @ room
+            found = np.asarray(start + (shares + size @ self._farther(room)) @ room)
             if (found < room).all():
-                inside: Array = start + shares(found) @ found
-                return inside
+                return found
         return None
 
+    def _farther(self, room: Array) -> Array:
+        """(n, m): and how it changes within the room itself: half as much on the average of the way through it."""
+        farther = np.empty((len(self.lengths), len(room)))
+        move = hypot(*room[: self.dims].tolist())
+        if not self.turning:
+            farther[:] = 0.5 * move
+            return farther
+        turn, radius = room[-1], np.hypot(*self.arms)
+        end = move + radius * turn
+        farther[:, :-1] = 0.5 * end[:, None]
+        farther[:, -1] = 0.5 * radius * (end + turn * (self.longest + self.aside + end))
+        return farther
 
-def _turned_back(turned: Quadratic, vectors: Quadratic) -> Quadratic:
-    """Vectors (n, dims), seen from a platform that has turned: cos and sin."""
-    t, (p, rest) = vectors.terms, (vectors.p, vectors.rest)
-    level = np.empty((2, len(p), 2, t.number))
-    level[0], level[1, :, 0], level[1, :, 1] = p[:, :2], p[:, 1], -p[:, 0]
-    rests = np.empty((2, len(p), 2))
-    rests[0], rests[1] = rest[:, :2], rest[:, 1::-1]
+
+def _solved(shares: Array, start: Array) -> Array | None:
+    """x = start + shares x; None if there is no such x, not negative."""
+    try:
+        found = np.asarray(np.linalg.solve(np.eye(len(start)) - shares, start), dtype=float)
+    except np.linalg.LinAlgError:
+        return None
+    return found if (found >= 0.0).all() else None
+
+
+def _turned_back(turned: Quadratic, rods: Quadratic) -> Quadratic:
+    """Vectors (dims, n), seen from a platform that has turned: cos and sin."""
+    t, p, rest = rods.terms, rods.p, rods.rest
+    level, rests = np.empty((t.number, 2, 2, p.shape[2])), np.empty((2, 2, p.shape[2]))
+    level[:, 0], level[:, 1, 0], level[:, 1, 1] = p[:, :2], p[:, 1], -p[:, 0]
+    rests[0], rests[1] = rest[:2], rest[1::-1]
     seen = (turned[:, None, None] * Quadratic(t, level, rests)).sum(0)
     if p.shape[1] == 2:
         return seen
-    return Quadratic(t, np.concatenate([seen.p, p[:, 2:]], 1), np.concatenate([seen.rest, rest[:, 2:]], 1))
+    return Quadratic(t, np.concatenate([seen.p, p[:, 2:]], 1), np.concatenate([seen.rest, rest[2:]]))
 
 
 def _type2_over(platform: _Platform, rods: Quadratic, arm: float) -> float:
     """Lower bound of the smallest cos alpha_i, rods seen from the platform; not above 0 where that proves nothing."""
-    n, dims = platform.arms.shape
+    dims, n = rods.rest.shape
     t, others = platform.terms, OTHERS[n]
-    rows = rods[others]
+    rows = rods[:, others]
     if platform.turning:  # moments about the place where the leg holds the platform that is left out
-        arms = platform.arms[others] - platform.arms[:, None]
-        x, y = arms[:, :, 0], arms[:, :, 1]
-        p, rest = np.empty((n, n - 1, n, t.number)), np.empty((n, n - 1, n))
-        p[:, :, :dims], rest[:, :, :dims] = rows.p, rows.rest
-        p[:, :, dims] = x[..., None] * rows.p[:, :, 1] - y[..., None] * rows.p[:, :, 0]
-        rest[:, :, dims] = abs(x) * rows.rest[:, :, 1] + abs(y) * rows.rest[:, :, 0]
-        rest[:, :, dims] += 2.0 * arm * platform.longest[others]
+        x, y = platform.arms[:, others] - platform.arms[:, None]
+        p, rest = np.empty((t.number, n, n - 1, n)), np.empty((n, n - 1, n))
+        p[:, :dims], rest[:dims] = rows.p, rows.rest
+        p[:, dims] = x * rows.p[:, 1] - y * rows.p[:, 0]
+        rest[dims] = abs(x) * rows.rest[1] + abs(y) * rows.rest[0] + 2.0 * arm * platform.longest[others]
         rows = Quadratic(t, p, rest)
-    v = _crossed(rows)[:, :dims]
+    v = _crossed(rows)[:dims]
     return _in_plane(rods, v) if dims == 2 else _in_space(rods, v, platform)
 
 
 def _in_plane(rods: Quadratic, v: Quadratic) -> float:
     """tan alpha_i = |X|/D with D = rod . v_i and X = rod x v_i. If D s - X c and D s + X c are at least -m and D is at
     least d, m >= 0 and d > 0, then |X| d c <= D (d s + m)."""
-    n, t = len(rods.p), rods.terms
-    ways = np.arange(2)[:, None] ^ np.arange(2)  # x with x and y with y, then x with y and y with x
-    products = rods[:, None] * v[:, ways]
-    signs = np.sign(products.p[:, 0, :, 0].sum(1))[:, None] * np.array([[1.0, 1.0, 1.0, -1.0]])
-    both = products.times(signs.reshape(n, 2, 2)).sum(2)
-    det, side = both[:, 0], both[:, 1]
-    corners = side.p[:, : t.polynomial] @ t.monomials / (det.p[:, : t.polynomial] @ t.monomials)
-    tangent = abs(corners).max(1)
+    t, n = rods.terms, v.rest.shape[1]
+    products = rods[None] * v[PLANE]
+    sign = np.sign(products.p[0, 0].sum(0))
+    p, rest = products.p * sign, products.rest.sum(1)
+    both = Quadratic(t, p[:, :, 0], rest)
+    both.p[:, 0] += p[:, 0, 1]
+    both.p[:, 1] -= p[:, 1, 1]
+    corners = both[1].corner_values() / both[0].corner_values()
+    tangent = abs(corners).max(0)
     c = 1.0 / np.hypot(1.0, tangent)
     s = tangent * c
-    up, across = det.times(s), side.times(c)
-    least, *ends = np.split(joined(det, up - across, up + across).least(), 3)
-    if not (least > 0.0).all():
+    one, none = np.ones(n), np.zeros(n)
+    asked = both[0, None].times(np.array([one, s, s])) + both[1, None].times(np.array([none, -c, c]))
+    least = Quadratic(t, asked.p.reshape(-1, 3 * n), asked.rest.ravel()).least()
+    d, m = least[:n], np.maximum(-np.minimum(least[n : 2 * n], least[2 * n :]), 0.0)
+    if not (d > 0.0).all():
         return 0.0
-    missing = np.maximum(-np.minimum(*ends), 0.0)
-    return float(1.0 / np.hypot(1.0, ((least * s + missing) / (least * c)).max()))
+    return float(1.0 / np.hypot(1.0, ((d * s + m) / (d * c)).max()))
 
 
 def _in_space(rods: Quadratic, v: Quadratic, platform: _Platform) -> float:
     """cos alpha_i = D/(|v_i| length) with D = rod . v_i. If D - q |v_i| length is at least -m and D at least d, m >= 0
     and d > 0, then D (d + m) >= q d |v_i| length. |v| <= along + aside^2/(2 along), along and across its middle."""
-    t, det = rods.terms, (rods * v).sum(1)
-    det = det.times(np.sign(det.p[:, 0]))
-    middle = v.p[:, :, 0]
-    way = middle / np.sqrt((middle * middle).sum(1))[:, None]
-    along = v.times(way).sum(1)
-    shortest = 2.0 * along.p[:, 0] - along.largest()
+    t, n, det = rods.terms, v.rest.shape[1], (rods * v).sum(0)
+    det = det.times(np.sign(det.p[0]))
+    middle = v.p[0]
+    way = middle / np.sqrt((middle * middle).sum(0))
+    along = v.times(way).sum(0)
+    shortest = 2.0 * along.p[0] - along.largest()
     if not (shortest > 0.0).all():
         return 0.0
-    across = v - along[:, None].times(way)
-    size = along + (across * across).sum(1).times(0.5 / shortest)
+    across = v - along[None].times(way)
+    size = along + (across * across).sum(0).times(0.5 / shortest)
     below = size * Quadratic(t, platform.length, platform.uncertain)
-    corners = det.p[:, : t.polynomial] @ t.monomials / (below.p[:, : t.polynomial] @ t.monomials)
-    cosine = np.maximum(corners.min(1), 0.0)
-    least, both = np.split(joined(det, det - below.times(cosine)).least(), 2)
-    if not (least > 0.0).all():
+    q = np.maximum((det.corner_values() / below.corner_values()).min(0), 0.0)
+    asked = det - below.times(q)
+    least = Quadratic(t, np.concatenate([det.p, asked.p], 1), np.concatenate([det.rest, asked.rest])).least()
+    d, m = least[:n], np.maximum(-least[n:], 0.0)
+    if not (d > 0.0).all():
         return 0.0
-    return float((cosine * least / (least + np.maximum(-both, 0.0))).min())
+    return float((q * d / (d + m)).min())
 
 
-OTHERS = {n: np.array([[k for k in range(n) if k != i] for i in range(n)]) for n in (2, 3, 4)}
-"""The other legs of each."""
+OTHERS = {n: np.array([[k for k in range(n) if k != i] for i in range(n)]).T.copy() for n in (2, 3, 4)}
+"""(n - 1, n) the other legs of each."""
+PLANE = np.array([[0, 1], [1, 0]])
+"""x with x and y with y; x with y and y with x."""
 
 
 def _crossed(rows: Quadratic) -> Quadratic:
-    """(n, n) what the determinants of any row and the n - 1 given ones, (n, n - 1, n), are the products with."""
-    n = len(rows.p)
+    """(n, M) what the determinants of any row and the n - 1 given ones, (n, n - 1, M), are the products with."""
+    n, t = len(rows.rest), rows.terms
     if n == 2:
-        turned = rows[:, 0, ::-1]
-        return turned.times(np.array([1.0, -1.0]))
+        return rows[::-1, 0].times(np.array([[1.0], [-1.0]]))
     if n == 3:
-        products = rows[:, 0, CYCLES] * rows[:, 1, CYCLES[::-1]]
-        return products[:, 0] - products[:, 1]
-    a, b, c = rows[:, 0], rows[:, 1], rows[:, 2]
-    products = b[:, COLUMNS] * c[:, COLUMNS[::-1]]
-    minors = products[:, 0] - products[:, 1]
-    products = a[:, WEDGE[0]] * minors[:, WEDGE[1]]
-    t, signed = rows.terms, products.times(WEDGE[2])
-    return Quadratic(t, signed.p.reshape(n, 3, 3, t.number).sum(2), signed.rest.reshape(n, 3, 3).sum(2))
+        products = rows[CYCLES, 0] * rows[CYCLES[::-1], 1]
+        return products[0] - products[1]
+    products = rows[COLUMNS, 1] * rows[COLUMNS[::-1], 2]
+    minors = products[0] - products[1]
+    products = (rows[WEDGE[0], 0] * minors[WEDGE[1]]).times(WEDGE[2])
+    return Quadratic(t, products.p.reshape(t.number, 3, 3, -1).sum(2), products.rest.reshape(3, 3, -1).sum(1))
 
 
 CYCLES = np.array([[1, 2, 0], [2, 0, 1]])
@@ -338,16 +319,10 @@ COLUMNS = np.array([[0, 0, 0, 1, 1, 2], [1, 2, 3, 2, 3, 3]])
 WEDGE = (
     np.array([1, 3, 2, 2, 0, 3, 0, 3, 1]),
     np.array([5, 3, 4, 2, 5, 1, 4, 0, 2]),
-    np.array([1.0, 1.0, -1.0, 1.0, -1.0, -1.0, 1.0, 1.0, -1.0]),
+    np.array([1.0, 1.0, -1.0, 1.0, -1.0, -1.0, 1.0, 1.0, -1.0])[:, None],
 )
 """Entries of a third row, minors and signs that make up the first three entries of the cross product of three rows,
 three products each."""
-
-
-def _besides(x: Quadratic) -> Array:
-    """Bound of all that is not constant or of first order in the joints."""
-    more: Array = (abs(x.p) @ x.terms.sizes)[..., 1] + x.rest
-    return more
 
 
 def least_singular(matrix: Sequence[Floats], ways: Sequence[Sequence[Floats]], rest: float) -> float:
@@ -412,5 +387,7 @@ def _largest(ways: Sequence[Sequence[float]]) -> float:
     """Largest size of a sum of vectors with any signs, or a little more."""
     square = sum([sum(map(mul, way, way)) for way in ways])
     return sqrt(square + 2.0 * sum([abs(sum(map(mul, a, b))) for a, b in combinations(ways, 2)]))
+
+
 def _dot(row: Sequence[float], vector: Sequence[float]) -> float:
     return sum(map(mul, row, vector), 0.0)  # a row may have a moment besides

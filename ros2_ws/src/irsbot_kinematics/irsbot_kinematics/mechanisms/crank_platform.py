@@ -310,15 +310,15 @@ class CrankPlatform(TurningPlatform):
 
     def sines_over(self, at: Posture, travel: Sequence[float], met: Reached, slack_m: float) -> Floats:
         """The sine is the cross product of the directions of crank and rod, seen from above."""
-        q, h, rods = np.array(at.joints), np.array(travel), met.rods
-        n, t, each = len(q), rods.terms, np.arange(len(q))
-        cranks = np.zeros((n, 2, t.number))
-        # The sine before the cosine, as the cross product takes them.
-        cranks[:, 0, 0], cranks[:, 1, 0] = np.sin(q), np.cos(q)
-        cranks[each, 0, 1 + each], cranks[each, 1, 1 + each] = h * np.cos(q), -h * np.sin(q)
-        cranks[each, :, t.squares] = -0.5 * (h * h)[:, None] * cranks[:, :, 0]
-        products = rods[:, :2] * Quadratic(t, cranks, np.repeat((h**3 / 6.0)[:, None], 2, 1))
-        sines = (products[:, 0] - products[:, 1]).times(np.sign(at.sines))
+        q, h, t, each = np.array(at.joints), np.array(travel), met.rods.terms, np.arange(len(travel))
+        n, x, y, rest = len(q), np.cos(q), np.sin(q), h * h * h / 6.0
+        cranks = np.zeros((t.number, 2, n))
+        # y before x, as the cross product takes them.
+        cranks[0] = y, x
+        cranks[1 + each, :, each] = np.array([h * x, -h * y]).T
+        cranks[1 + n + each, :, each] = (-0.5 * h * h * cranks[0]).T
+        products = met.rods[:2] * Quadratic(t, cranks, np.array([rest, rest]))
+        sines = (products[0] - products[1]).times(np.sign(at.sines))
         return tuple(np.maximum(sines.least() / met.longest, 0.0).tolist())
 
     def sine_floors(self, at: Posture, travel: Sequence[float], turn_rad: float, slack_m: float = 0.0) -> Floats:

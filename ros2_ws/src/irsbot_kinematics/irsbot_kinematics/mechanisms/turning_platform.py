@@ -72,7 +72,7 @@ class TurningPlatform(Mechanism):
 
     def constraint_over(self, at: Posture, met: Reached) -> float:
         """Lower bound of the constraint margin, given what the rods do; NaN: there is none."""
-        return self.constraint_floor(at, met.turn)
+        return self.constraint_floor(at, met.turn) if self.has_constraint else nan
 
     def limb_floors(self, at: Posture, travel: Sequence[float], slack_m: float, type1: Floats) -> Floats:
         """Lower bounds of the limb margins where those of the Type 1 sines are type1: the same, as far as there are
