@@ -1,45 +1,26 @@
-"""Certified bounds of margins over a box of joint positions, to second order, in plain floats.
+"""Certified bounds of margins over a box of joint positions: of second order, what is lost is of third order.
 
-The box is q = q0 + (s_1 h_1, .., s_n h_n) with every s_j in -1..1. Bounds of first order (`guarantees`) add up what
-every joint can do to every direction. Here the first-order effect of each joint is known with its sign; only what is of
-second order in the size of the box is added up.
-
-Setting, as in `guarantees`. Rod i has the unit direction r_i and the length rod_i. To first order its near end moves by
-s_i near_i and its length grows by s_i growth_i; the rest of both is at most aside_i and growth_aside_i. With d and t
-displacement and turn of the platform and a_i the change of the rod as a vector, the rod's length says exactly
-
-    row_i . (d, t) = s_i (r_i . near_i + growth_i) + rest_i,
-    rest_i = r_i . aside_i + growth_aside_i + r_i . c_i t^2/2 - (|a_i|^2 - growth^2)/(2 rod_i)
-
-up to |c_i| t^3/6, with the full growth of the rod in the last term, which is no more than |a_i|: that term
-lies between -|a_i|^2/(2 rod_i) and 0. So every rest_i has a range, m_i its middle and h_i half of its width. The rows
-give (d, t) = sum_j s_j (d_j, t_j) + (D, T) with |D| <= |A^-1 m| + sum V_i h_i, and T likewise with W_i. Along any
-way from the posture to a point of the box the motion is continuous, so it cannot leave a box of (D, T) that these right
-sides map into its inside.
-
-Seen from the platform only the directions of the rods change: r_i(s) = r_i + sum_j s_j u_ij + e_i, the u_ij known and
-e_i bounded. det A and the cross products v_i of the other rows are multilinear in the r_j. With |row_j| <= size,
-Hadamard bounds every term of them that changes two rows or more, and every term with an e_j but the first-order one of
-det A, which is at most |e_j| |v_j|; the terms of det A also follow from the minors of K, det(A + U) = det A det(I + K),
-and the smaller bound counts. What remains is linear in s. cos alpha_i = |det A|/|v_i| >= c holds if
-det - c |v_i| >= 0: a linear function less a convex one, which is smallest at a corner of the box.
+HEAD
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import combinations, product
-from math import asin, hypot, inf, prod, sqrt
-from operator import add, mul
+from math import asin, hypot, inf, sqrt
+from operator import mul
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
+
 from irsbot_kinematics import statics
+from irsbot_kinematics.quadratics import Array, Quadratic, multiplied, terms
 
 if TYPE_CHECKING:
     from irsbot_kinematics.mechanism import Floats, Posture
 
-WIDER = 1.5
-"""1: how many times wider than its guess the box of what is of second order is."""
+WIDER = 1.2
+"""1: how many times wider than its guess the box of what is of third order is."""
 BOXES = 4
 """Guesses; where none of them holds, the box of joints is so large that it is better cut."""
 LEAST = 1e-100
@@ -47,19 +28,19 @@ LEAST = 1e-100
 
 
 class Rod(NamedTuple):
-    """What the joint of a rod does to it within the box, m."""
+    """What the joint of a rod does to it within the box, m: joint i at s_i in -1..1 of its range."""
 
     length: float
-    near: Floats  # of its near end, to first order, at the upper end of the joint's range
-    aside: float  # how far the near end may be from there
-    growth: float = 0.0  # of its length, to first order
+    near: Floats  # s_i of this is how its near end moves, to first order
+    aside: float  # how far the near end may be from there, the curve included
+    growth: float = 0.0  # s_i of this is how its length grows, to first order
     growth_aside: float = 0.0
-    bend: float = 0.0  # the near end's rest along the rod is between 0 and minus this, but for
-    uncertain: float | None = None  # this much; `aside` if left out
+    curve: Floats = ()  # s_i^2 of this is what its near end does of second order; none if left out
+    growth_curve: float = 0.0
 
 
 class Change(NamedTuple):
-    """How the direction of a rod changes over the box."""
+    """How a rod changes over the box, over its length, seen from the base."""
 
     ways: Sequence[Sequence[float]]  # per joint, to first order
     most: float  # largest size of their sum
@@ -70,146 +51,278 @@ class Reached(NamedTuple):
     """What happens anywhere in the box."""
 
     type2: float  # lower bound of the Type 2 margin
-    moves: Sequence[Floats]  # m per joint, of the platform point, to first order
-    aside: float  # m by which the platform point may be elsewhere
-    rods: Sequence[Change]  # of every rod's direction, seen from the base
+    pose: Quadratic  # (m,) displacement and turn of the platform, m and rad
+    rods: Quadratic  # (dims, n) m, the rods as vectors, seen from the base
+    longest: Array  # (n,) m, of the rods
+
+    @property
+    def moves(self) -> list[Floats]:
+        """m per joint, of the platform point, to first order."""
+        return [tuple(way) for way in self._displacement.p[self.pose.terms.joints].tolist()]
+
+    @property
+    def aside(self) -> float:
+        """m by which the platform point may be elsewhere."""
+        return hypot(*self._displacement.besides().tolist())
+
+    @property
+    def changes(self) -> list[Change]:
+        """Of every rod."""
+        joints, found = self.rods.terms.joints, []
+        for vector, rest in zip(np.moveaxis(self.rods.p, 2, 0), self.rods.besides().T, strict=True):
+            length = hypot(*vector[0])
+            ways = (vector[joints] / length).tolist()
+            found.append(Change(ways, _largest(ways), hypot(*rest) / length))
+        return found
 
     @property
     def turn(self) -> float:
         """rad that a rod turns at most."""
-        chord = max([rod.most + rod.rest for rod in self.rods])
-        return 2.0 * asin(0.5 * chord) if chord < 2.0 else inf
+        share = max([change.most + change.rest for change in self.changes])
+        return asin(share) if share < 1.0 else inf
+
+    @property
+    def _displacement(self) -> Quadratic:
+        return self.pose[: len(self.rods.rest)]
 
 
-def reached(at: Posture, rods: Sequence[Rod], span: float = 0.0) -> Reached | None:
+def reached(at: Posture, rods: Sequence[Rod], arm: float = 0.0) -> Reached | None:
     """Bounds over the box of which `at` is the middle; None where nothing can be said, also for NaN.
 
-    rods: one per leg, with near ends in the plane or in space as the screws. span: m, largest |c_i - c_j| of a platform
-    that turns.
+    rods: one per leg, with near ends in the plane or in space as the screws. arm: m by which each of them may hold a
+    platform that turns elsewhere; what that does to its ends is in `Rod.aside`.
     """
     det, columns = statics.cofactors(at.screws)
-    size, turning = abs(det), bool(at.arms)
-    if not (size > 0.0 and all(rod.length > 0.0 for rod in rods)):
+    if not (abs(det) > 0.0 and all(rod.length > 0.0 for rod in rods)):
         return None
-    dims = len(rods[0].near)
-    drives = [(_dot(screw, rod.near) + rod.growth) / det for screw, rod in zip(at.screws, rods, strict=True)]
-    moves = [tuple([drive * value for value in column[:dims]]) for drive, column in zip(drives, columns, strict=True)]
-    turns = [drive * column[dims] for drive, column in zip(drives, columns, strict=True)] if turning else []
-    arms = at.arms or ((0.0, 0.0),) * len(rods)
-    ways = [_ways(i, moves, turns, arm, rod.near) for i, (arm, rod) in enumerate(zip(arms, rods, strict=True))]
-    V = [hypot(*column[:dims]) / size for column in columns]
-    W = [abs(column[dims]) / size for column in columns] if turning else [0.0] * len(rods)
-    lengths, turn = [_largest(way) for way in ways], sum(map(abs, turns))
-    radii = [hypot(*arm) for arm in arms]
-    tilts = [arm[0] * screw[0] + arm[1] * screw[1] for arm, screw in zip(arms, at.screws, strict=True)]
-
-    def mapped(D: float, T: float) -> tuple[float, float]:
-        most = turn + T
-        square = 0.5 * most * most
-        x = y = 0.0
-        middles = []
-        for rod, radius, tilt, length, v, w in zip(rods, radii, tilts, lengths, V, W, strict=True):
-            change = length + D + radius * T + square * radius + rod.aside
-            low, high = -0.5 * change * change / rod.length - rod.growth_aside, rod.growth_aside
-            # What has a known sign pulls or pushes at most as far as this, and at least not at all.
-            for part in (square * tilt, -rod.bend):
-                low, high = low + min(part, 0.0), high + max(part, 0.0)
-            half = 0.5 * (high - low) + (rod.aside if rod.uncertain is None else rod.uncertain)
-            half += radius * square * most / 3.0
-            middles.append(0.5 * (high + low))
-            x, y = x + v * half, y + w * half
-        shift = statics.combined(det, columns, middles) if len(middles) > 2 else statics.twist(at.screws, middles)
-        return x + hypot(*shift[:dims]), y + (abs(shift[dims]) if turning else 0.0)
-
-    D, T, shortest = *mapped(0.0, 0.0), min([rod.length for rod in rods])
-    for _ in range(BOXES):
-        if not shortest > D:  # whatever holds in such a box says nothing
+    with np.errstate(all="ignore"):  # boxes that are far too large
+        platform = _Platform(at, rods)
+        found = platform.pose(np.array(columns).T / det)
+        if found is None:
             return None
-        box = WIDER * D + LEAST, WIDER * T + LEAST
-        D, T = mapped(*box)
-        if box[0] > D and box[1] > T:
-            break
-    else:
+        pose, seen, vectors = found
+        type2 = _type2_over(platform, seen, arm)
+    return Reached(type2 if type2 > 0.0 else 0.0, pose, vectors, platform.longest)
+
+
+class _Platform:
+    """The rods of a posture, and how they follow from pose and joints. Vectors are (dims, n), one column a leg."""
+
+    def __init__(self, at: Posture, rods: Sequence[Rod]) -> None:
+        n, dims, size = len(rods), len(rods[0].near), len(at.screws[0])
+        self.dims, self.turning = dims, size > dims
+        t = self.terms = terms(n, size)
+        each, still = np.arange(n), (0.0,) * dims
+        table = np.array([(*rod.near, *(rod.curve or still)) for rod in rods]).T
+        near, curve = table[:dims], table[dims:]
+        numbers = [(rod.length, rod.growth, rod.growth_curve, rod.growth_aside, rod.aside) for rod in rods]
+        length, growth, bend, uncertain, self.aside = np.array(numbers).T
+        self.screws = np.array(at.screws).T.copy()
+        self.arms = np.array(at.arms).T.copy() if self.turning else np.zeros((2, n))
+        self.lengths = length
+        self.drives = (self.screws[:dims] * near).sum(0) + growth
+        self.near = np.zeros((t.number, dims, n))
+        self.near[0] = -length * self.screws[:dims]
+        self.near[0, :2] += self.arms[:dims]
+        self.near[1 + each, :, each] = near.T
+        self.near[1 + n + each, :, each] = curve.T
+        self.length = np.zeros((t.number, n))
+        self.length[0], self.length[1 + each, each], self.length[1 + n + each, each] = length, growth, bend
+        self.longest = length + abs(growth) + abs(bend) + uncertain
+        self.uncertain = uncertain
+        self.half = 0.5 * multiplied(t, self.length, self.length)
+        self.half_rest = abs(growth * bend) + 0.5 * bend * bend + uncertain * self.longest
+        self.half_rest += (self.longest + 0.5 * self.aside) * self.aside
+
+    def vectors(self, pose: Array) -> tuple[Quadratic | None, Quadratic]:
+        """cos and sin of the turn, as far as there is one, and the rods (dims, n), of a pose (N, m) without rest."""
+        t, arms = self.terms, self.arms
+        vectors, rest = pose[:, : self.dims, None] - self.near, np.zeros(self.near.shape[1:])
+        if not self.turning:
+            return None, Quadratic(t, vectors, rest)
+        turn = pose[:, -1]
+        first, (one, more) = turn[t.joints], (t.sizes @ abs(turn)).tolist()
+        most = one + more
+        turned = np.zeros((t.number, 2))
+        turned[:, 1], turned[0, 0] = turn, 1.0
+        turned[t.pairs, 0] = -0.5 * (t.fold @ (first[:, None] * first).ravel())
+        rests = np.array([more * (one + 0.5 * more) + most * most * most * most / 24.0, most * most * most / 6.0])
+        ways = np.array([arms, [-arms[1], arms[0]]])
+        vectors[:, :2] += (turned @ ways.reshape(2, -1)).reshape(-1, *arms.shape)
+        rest[:2] = rests[0] * abs(arms) + rests[1] * abs(arms[::-1])
+        return Quadratic(t, turned, rests), Quadratic(t, vectors, rest)
+
+    def pose(self, inverse: Array) -> tuple[Quadratic, Quadratic, Quadratic] | None:
+        """Pose (m,), and rods (dims, n) seen from the platform and from the base."""
+        t, per = self.terms, inverse / self.lengths
+        pose = np.zeros((t.number, len(inverse)))
+        pose[t.joints] = (inverse * self.drives).T
+        first = self.vectors(pose)[1].p
+        pose[t.pairs] = (self.half - 0.5 * multiplied(t, first, first).sum(1))[t.pairs] @ per.T
+        room = self._rest(pose, per)
+        if room is None:
+            return None
+        pose[t.effects] = np.diag(room)
+        turned, rods = self.vectors(pose)
+        rods.rest += self.aside
+        seen = rods if turned is None else _turned_back(turned, rods)
+        return Quadratic(t, pose, np.zeros(len(inverse))), seen, rods
+
+    def _rest(self, pose: Array, per: Array) -> Array | None:
+        """(m,) by which the pose may be elsewhere, displacement and turn; None if there is no bound."""
+        dims, (_, vectors), size = self.dims, self.vectors(pose), abs(per)
+        squares, w = vectors * vectors, vectors.p
+        start = size @ (abs(0.5 * squares.p.sum(1) - self.half).sum(0) + 0.5 * squares.rest.sum(0) + self.half_rest)
+        # How the Jacobian, columns (w, (R c) x w), changes with the joints,
+        change, rests = w, vectors.rest
+        x, y = self.arms
+        if self.turning:
+            change, rests = np.empty((len(w), dims + 1, len(x))), np.empty((dims + 1, len(x)))
+            change[:, :dims], rests[:dims] = w, vectors.rest
+            turn, most = pose[:, -1:], abs(pose[:, -1]).sum()
+            change[:, dims] = x * w[:, 1] - y * w[:, 0] - turn * (x * w[0, 0] + y * w[0, 1])
+            radius, moved = np.hypot(x, y), np.hypot(*(abs(w[1:, :2]).sum(0) + vectors.rest[:2]))
+            rests[dims] = abs(x) * vectors.rest[1] + abs(y) * vectors.rest[0]
+            rests[dims] += radius * most * (0.5 * most * (self.lengths + moved) + moved)
+        change[0] -= self.lengths * self.screws
+        shares = abs(change.reshape(-1, len(x)) @ per.T).reshape(-1, len(per), len(per)).sum(0).T + size @ rests.T
+        found: Array | None = start
+        for _ in range(BOXES):
+            if found is None or (found := _solved(shares + size @ self._farther(found), start)) is None:
+                return None
+            room = WIDER * found + LEAST
+            found = np.asarray(start + (shares + size @ self._farther(room)) @ room)
+            if (found < room).all():
+                return found
         return None
-    D, T = mapped(D, T)  # what is inside stays inside
-    most = turn + T
-    from_base, from_platform = [], []
-    for i, (rod, screw, arm, way, length, radius) in enumerate(
-        zip(rods, at.screws, arms, ways, lengths, radii, strict=True)
-    ):
-        off = D + radius * T + 0.5 * radius * most * most + rod.aside
-        growth = abs(rod.growth) + rod.growth_aside
-        if not growth < rod.length:
-            return None
-        r, per = screw[:dims], 1.0 / rod.length
-        if rod.growth:
-            way[i] = [a - rod.growth * b for a, b in zip(way[i], r, strict=True)]
-        changes = [[per * a for a in one] for one in way]
-        rest = (off + rod.growth_aside + (length + off + growth) * growth / (rod.length - growth)) * per
-        seen = Change(changes, _largest(changes), rest)
-        from_base.append(seen)
-        if turning:
-            rows = [_seen(change, angle, r, arm) for change, angle in zip(changes, turns, strict=True)]
-            rest += T + 0.5 * most * most + most * (seen.most + rest)
-            seen = Change(rows, _largest([row[:dims] for row in rows]), rest)
-        from_platform.append(seen)
-    return Reached(type2_over(at, from_platform, span), moves, D, from_base)
+
+    def _farther(self, room: Array) -> Array:
+        """(n, m): and how it changes within the room itself: half as much on the average of the way through it."""
+        farther = np.empty((len(self.lengths), len(room)))
+        move = hypot(*room[: self.dims].tolist())
+        if not self.turning:
+            farther[:] = 0.5 * move
+            return farther
+        turn, radius = room[-1], np.hypot(*self.arms)
+        end = move + radius * turn
+        farther[:, :-1] = 0.5 * end[:, None]
+        farther[:, -1] = 0.5 * radius * (end + turn * (self.longest + self.aside + end))
+        return farther
 
 
-def type2_over(at: Posture, changes: Sequence[Change], span: float) -> float:
-    """Lower bound of the smallest cos alpha_i, see the head of the file. changes: of rows, seen from the platform."""
-    n, turning = len(changes), bool(at.arms)
-    rods = sqrt(2.0) if turning else 1.0  # size of a row, its moment about a rod's far end counted in spans
-    scale = span * rods**n if turning else 1.0
-    det, columns = statics.cofactors(at.screws)
-    centre = _ends(columns, at.arms)
-    size = abs(det) / det if det else 0.0
-    gain = [
-        size * sum([_dot(column, change.ways[j]) for column, change in zip(columns, changes, strict=True)])
-        for j in range(n)
-    ]
-    rest = [change.rest for change in changes]
-    speeds = [hypot(*v) for v in centre]
-    all_rows = [change.most + change.rest for change in changes]
-    several = min(scale * _several(all_rows), abs(det) * _minors(columns, at.arms, changes, det))
-    off = several + sum(map(mul, rest, speeds))
-    value: float = abs(det) - off
-    if not value - sum(map(abs, gain)) > 0.0:
+def _solved(shares: Array, start: Array) -> Array | None:
+    """x = start + shares x; None if there is no such x, not negative."""
+    try:
+        found = np.asarray(np.linalg.solve(np.eye(len(start)) - shares, start), dtype=float)
+    except np.linalg.LinAlgError:
+        return None
+    return found if (found >= 0.0).all() else None
+
+
+def _turned_back(turned: Quadratic, rods: Quadratic) -> Quadratic:
+    """Vectors (dims, n), seen from a platform that has turned: cos and sin."""
+    t, p, rest = rods.terms, rods.p, rods.rest
+    level, rests = np.empty((t.number, 2, 2, p.shape[2])), np.empty((2, 2, p.shape[2]))
+    level[:, 0], level[:, 1, 0], level[:, 1, 1] = p[:, :2], p[:, 1], -p[:, 0]
+    rests[0], rests[1] = rest[:2], rest[1::-1]
+    seen = (turned[:, None, None] * Quadratic(t, level, rests)).sum(0)
+    if p.shape[1] == 2:
+        return seen
+    return Quadratic(t, np.concatenate([seen.p, p[:, 2:]], 1), np.concatenate([seen.rest, rest[2:]]))
+
+
+def _type2_over(platform: _Platform, rods: Quadratic, arm: float) -> float:
+    """Lower bound of the smallest cos alpha_i, rods seen from the platform; not above 0 where that proves nothing."""
+    dims, n = rods.rest.shape
+    t, others = platform.terms, OTHERS[n]
+    rows = rods[:, others]
+    if platform.turning:  # moments about the place where the leg holds the platform that is left out
+        x, y = platform.arms[:, others] - platform.arms[:, None]
+        p, rest = np.empty((t.number, n, n - 1, n)), np.empty((n, n - 1, n))
+        p[:, :dims], rest[:dims] = rows.p, rows.rest
+        p[:, dims] = x * rows.p[:, 1] - y * rows.p[:, 0]
+        rest[dims] = abs(x) * rows.rest[1] + abs(y) * rows.rest[0] + 2.0 * arm * platform.longest[others]
+        rows = Quadratic(t, p, rest)
+    v = _crossed(rows)[:dims]
+    return _in_plane(rods, v) if dims == 2 else _in_space(rods, v, platform)
+
+
+def _in_plane(rods: Quadratic, v: Quadratic) -> float:
+    """tan alpha_i = |X|/D with D = rod . v_i and X = rod x v_i. If D s - X c and D s + X c are at least -m and D is at
+    least d, m >= 0 and d > 0, then |X| d c <= D (d s + m)."""
+    t, n = rods.terms, v.rest.shape[1]
+    products = rods[None] * v[PLANE]
+    sign = np.sign(products.p[0, 0].sum(0))
+    p, rest = products.p * sign, products.rest.sum(1)
+    both = Quadratic(t, p[:, :, 0], rest)
+    both.p[:, 0] += p[:, 0, 1]
+    both.p[:, 1] -= p[:, 1, 1]
+    corners = both[1].corner_values() / both[0].corner_values()
+    tangent = abs(corners).max(0)
+    c = 1.0 / np.hypot(1.0, tangent)
+    s = tangent * c
+    one, none = np.ones(n), np.zeros(n)
+    asked = both[0, None].times(np.array([one, s, s])) + both[1, None].times(np.array([none, -c, c]))
+    least = Quadratic(t, asked.p.reshape(-1, 3 * n), asked.rest.ravel()).least()
+    d, m = least[:n], np.maximum(-np.minimum(least[n : 2 * n], least[2 * n :]), 0.0)
+    if not (d > 0.0).all():
         return 0.0
-    if n == 2:  # unit rows: v_i is the other one
-        return value - sum(map(abs, gain))
-    slopes, least = _slopes(at, changes), 1.0
-    for i, (v, speed) in enumerate(zip(centre, speeds, strict=True)):
-        others = [k for k in range(n) if k != i]
-        spread = scale / rods * (_several([all_rows[k] for k in others]) + sum([rest[k] for k in others]))
-        if n > 3:  # differences of a cubic contain its cube
-            spread += scale / rods * prod([changes[k].most for k in others])
-        if not speed > 0.0:  # det is 0, but for rounding
-            return 0.0
-        along = [_dot(v, slope[i]) / speed for slope in slopes]
-        shortest = speed - sum(map(abs, along))
-        if not shortest > 0.0:
-            return 0.0
-        aside = sum(
-            [
-                hypot(*[b - a * c / speed for b, c in zip(slope[i], v, strict=True)])
-                for a, slope in zip(along, slopes, strict=True)
-            ]
-        )
-        # |v + s . slopes| <= speed + s . along + aside^2/(2 shortest)
-        least = min(least, _least_quotient(value, gain, speed + spread + 0.5 * aside * aside / shortest, along))
-    return least
+    return float(1.0 / np.hypot(1.0, ((d * s + m) / (d * c)).max()))
 
 
-def _least_quotient(above: float, gain: Sequence[float], below: float, along: Sequence[float]) -> float:
-    """Smallest (above + s . gain)/(below + s . along), s_j in -1..1, both positive everywhere. From any value c of the
-    quotient the corner where above - c below is smallest has a smaller one, unless c is the smallest."""
-    least, here = inf, above / below
-    while here < least:
-        least = here
-        signs = [-1.0 if g > least * a else 1.0 for g, a in zip(gain, along, strict=True)]
-        here = (above + _dot(signs, gain)) / (below + _dot(signs, along))
-    return least
+def _in_space(rods: Quadratic, v: Quadratic, platform: _Platform) -> float:
+    """cos alpha_i = D/(|v_i| length) with D = rod . v_i. If D - q |v_i| length is at least -m and D at least d, m >= 0
+    and d > 0, then D (d + m) >= q d |v_i| length. |v| <= along + aside^2/(2 along), along and across its middle."""
+    t, n, det = rods.terms, v.rest.shape[1], (rods * v).sum(0)
+    det = det.times(np.sign(det.p[0]))
+    middle = v.p[0]
+    way = middle / np.sqrt((middle * middle).sum(0))
+    along = v.times(way).sum(0)
+    shortest = 2.0 * along.p[0] - along.largest()
+    if not (shortest > 0.0).all():
+        return 0.0
+    across = v - along[None].times(way)
+    size = along + (across * across).sum(0).times(0.5 / shortest)
+    below = size * Quadratic(t, platform.length, platform.uncertain)
+    q = np.maximum((det.corner_values() / below.corner_values()).min(0), 0.0)
+    asked = det - below.times(q)
+    least = Quadratic(t, np.concatenate([det.p, asked.p], 1), np.concatenate([det.rest, asked.rest])).least()
+    d, m = least[:n], np.maximum(-least[n:], 0.0)
+    if not (d > 0.0).all():
+        return 0.0
+    return float((q * d / (d + m)).min())
+
+
+OTHERS = {n: np.array([[k for k in range(n) if k != i] for i in range(n)]).T.copy() for n in (2, 3, 4)}
+"""(n - 1, n) the other legs of each."""
+PLANE = np.array([[0, 1], [1, 0]])
+"""x with x and y with y; x with y and y with x."""
+
+
+def _crossed(rows: Quadratic) -> Quadratic:
+    """(n, M) what the determinants of any row and the n - 1 given ones, (n, n - 1, M), are the products with."""
+    n, t = len(rows.rest), rows.terms
+    if n == 2:
+        return rows[::-1, 0].times(np.array([[1.0], [-1.0]]))
+    if n == 3:
+        products = rows[CYCLES, 0] * rows[CYCLES[::-1], 1]
+        return products[0] - products[1]
+    products = rows[COLUMNS, 1] * rows[COLUMNS[::-1], 2]
+    minors = products[0] - products[1]
+    products = (rows[WEDGE[0], 0] * minors[WEDGE[1]]).times(WEDGE[2])
+    return Quadratic(t, products.p.reshape(t.number, 3, 3, -1).sum(2), products.rest.reshape(3, 3, -1).sum(1))
+
+
+CYCLES = np.array([[1, 2, 0], [2, 0, 1]])
+COLUMNS = np.array([[0, 0, 0, 1, 1, 2], [1, 2, 3, 2, 3, 3]])
+"""Columns of the minors of two rows of four."""
+WEDGE = (
+    np.array([1, 3, 2, 2, 0, 3, 0, 3, 1]),
+    np.array([5, 3, 4, 2, 5, 1, 4, 0, 2]),
+    np.array([1.0, 1.0, -1.0, 1.0, -1.0, -1.0, 1.0, 1.0, -1.0])[:, None],
+)
+"""Entries of a third row, minors and signs that make up the first three entries of the cross product of three rows,
+three products each."""
 
 
 def least_singular(matrix: Sequence[Floats], ways: Sequence[Sequence[Floats]], rest: float) -> float:
@@ -268,80 +381,6 @@ def distances(x: Sequence[float], moves: Sequence[Sequence[float]], rest: float)
     )
     reach = sum(map(abs, along))
     return size - reach - rest, hypot(size + reach, aside) + rest
-
-
-def _ways(i: int, moves: Sequence[Floats], turns: Sequence[float], arm: Floats, near: Floats) -> list[list[float]]:
-    """How a rod's far end moves against its near end with every joint, m."""
-    ways = [list(move) for move in moves]
-    for way, turn in zip(ways, turns, strict=False):
-        way[0], way[1] = way[0] - turn * arm[1], way[1] + turn * arm[0]
-    ways[i] = [a - b for a, b in zip(ways[i], near, strict=True)]
-    return ways
-
-
-def _seen(change: Sequence[float], turn: float, r: Floats, arm: Floats) -> Floats:
-    """The change of a row, seen from a platform that turns."""
-    x, y = change[0] + turn * r[1], change[1] - turn * r[0]
-    return (x, y, *change[2:], arm[0] * y - arm[1] * x)
-
-
-def _ends(columns: Sequence[Floats], arms: Sequence[Floats]) -> list[list[float]]:
-    """The v_i: det A times the velocity of a rod's far end when its leg alone yields."""
-    if not arms:
-        return [list(column) for column in columns]
-    return [[x - w * ay, y + w * ax, *z] for (x, y, *z, w), (ax, ay) in zip(columns, arms, strict=True)]
-
-
-def _slopes(at: Posture, changes: Sequence[Change]) -> list[list[list[float]]]:
-    """Per joint, how the v_i change to first order at the upper end of its range; of four rows half the difference
-    between both ends."""
-    rows, found = at.screws, []
-    for j in range(len(rows)):
-        ways = [change.ways[j] for change in changes]
-        if len(rows) == 3:
-            (a, b, c), (x, y, z) = rows, ways
-            found.append(_ends((_crosses(y, c, b, z), _crosses(z, a, c, x), _crosses(x, b, a, y)), at.arms))
-            continue
-        ends = []
-        for sign in (0.5, -0.5):
-            there = [
-                [a + 2.0 * sign * b for a, b in zip(row, way, strict=True)] for row, way in zip(rows, ways, strict=True)
-            ]
-            ends.append([[sign * value for value in v] for v in _ends(statics.cofactors(there)[1], at.arms)])
-        found.append([list(map(add, *both)) for both in zip(*ends, strict=True)])
-    return found
-
-
-def _crosses(a: Sequence[float], b: Sequence[float], c: Sequence[float], d: Sequence[float]) -> Floats:
-    """a x b + c x d."""
-    (ax, ay, az), (bx, by, bz), (cx, cy, cz), (dx, dy, dz) = a, b, c, d
-    return (
-        ay * bz - az * by + cy * dz - cz * dy,
-        az * bx - ax * bz + cz * dx - cx * dz,
-        ax * by - ay * bx + cx * dy - cy * dx,
-    )
-
-
-def _minors(columns: Sequence[Floats], arms: Sequence[Floats], changes: Sequence[Change], det: float) -> float:
-    """Bound of |det(I + K) - 1 - tr K| with K = U A^-1 and U what the rows change by: the principal minors of two rows
-    or more. Those of two are bounded by the entries of K, larger ones by the sums of its rows."""
-    K = []
-    for i, change in enumerate(changes):
-        ends = _ends(columns, [arms[i]] * len(columns) if arms else ())
-        K.append(
-            [
-                (sum([abs(_dot(way, column)) for way in change.ways]) + change.rest * hypot(*end)) / abs(det)
-                for column, end in zip(columns, ends, strict=True)
-            ]
-        )
-    pairs = [K[i][i] * K[k][k] + K[i][k] * K[k][i] for i, k in combinations(range(len(K)), 2)]
-    sums = [sum(row) for row in K]
-    return sum(pairs) + _several(sums) - sum([a * b for a, b in combinations(sums, 2)])
-
-
-def _several(most: Sequence[float]) -> float:
-    """All products of two or more different numbers."""
-    return float(prod([1.0 + m for m in most])) - 1.0 - sum(most)
 
 
 def _largest(ways: Sequence[Sequence[float]]) -> float:

@@ -10,19 +10,18 @@ import irsbot2_3d as space
 import numpy as np
 import pytest
 from irsbot2_3d import Design
-from rod_machines import Array, Machine, closed, rows, units
+from rod_machines import Array, Machine, closed, units
 from scipy.optimize import lsq_linear, minimize
 
 import irsbot_kinematics as irs
-from irsbot_kinematics.boxes import Change, Rod, distances, least_singular, reached, type2_over
+from irsbot_kinematics.boxes import Change, Rod, distances, least_singular, reached
 from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2, Irsbot2Geometry
 
 ROUNDING = 1e-10
 """m or 1: the machines are closed with rounding of their own."""
 PLATFORMS = {"two rods": (2, 2), "three in space": (3, 3), "turning": (3, 2), "turning in space": (4, 3)}
 """Number of rods, dimensions."""
-ANGLES = np.array([0.0, 2.0, 4.0]) * np.pi / 3.0
-WAYS = ("ends", "swings", "pulls", "lengths", "ends aside", "bends", "lengths aside", "off alone", "all")
+WAYS = ("ends", "swings", "pulls", "lengths", "ends aside", "curves", "lengths aside", "off alone", "elsewhere", "all")
 
 
 def corners(n: int) -> Array:
@@ -34,27 +33,28 @@ class Box(NamedTuple):
 
     machine: Machine
     near: Array
+    curve: Array
     growth: Array
+    growth_curve: Array
     growth_aside: Array
-    bend: Array
-    uncertain: Array
-    across: Array
-    """(n,) m by which near ends may be off across their rods, besides"""
+    aside: Array
+    arm: float
+    """m by which the rods may hold a platform that turns elsewhere"""
 
     def rods(self):
-        aside = np.abs(self.bend) + self.uncertain + self.across
-        columns = self.near, aside, self.growth, self.growth_aside, self.bend, self.uncertain
-        lists = [column.tolist() for column in (self.machine.length, *columns)]
-        return [Rod(length, tuple(near), *rest) for length, near, *rest in zip(*lists, strict=True)]
+        columns = self.growth, self.growth_aside, self.curve, self.growth_curve
+        lists = [column.tolist() for column in (self.machine.length, self.near, self.aside + self.arm, *columns)]
+        return [
+            Rod(length, tuple(near), aside, growth, more, tuple(curve), bend)
+            for length, near, aside, growth, more, curve, bend in zip(*lists, strict=True)
+        ]
 
-    def met(self, s, e, g, b):
-        """s (N, n) in -1..1, b (N, n) in 0..1; e (N, n, m) and g (N, n) of size 1 at most: shares of what may come on
+    def met(self, s, e, g, a):
+        """s (N, n) in -1..1; e (N, n, m), g (N, n) and a (N, n, 2) of size 1 at most: shares of what may come on
         top."""
-        r = self.machine.r
-        across = e - np.sum(e * r, axis=2, keepdims=True) * r
-        off = self.uncertain[:, None] * e + self.across[:, None] * across - (self.bend * b)[..., None] * r
-        shift = s[..., None] * self.near + off
-        return closed(self.machine, shift, s * self.growth + self.growth_aside * g)
+        shift = s[..., None] * self.near + (s * s)[..., None] * self.curve + self.aside[:, None] * e
+        longer = s * self.growth + s * s * self.growth_curve + self.growth_aside * g
+        return closed(self.machine, shift, longer, self.arm * a), self.machine.length + longer
 
 
 def random_box(rng, rods, dims, way):
@@ -74,29 +74,35 @@ def random_box(rng, rods, dims, way):
     size = 10.0 ** rng.uniform(-3.5, -0.7) * machine.length
     some = lambda *ways: (way in ways) * size * (rng.uniform(size=rods) < 0.7)  # noqa: E731
     share = lambda: 10.0 ** rng.uniform(-2.0, 0.5)  # noqa: E731
-    near = rng.normal(size=(rods, dims)) * some("ends", "swings", "pulls", "ends aside", "bends", "all")[:, None]
+    near = rng.normal(size=(rods, dims)) * some("ends", "swings", "pulls", "ends aside", "curves", "all")[:, None]
     along = np.sum(near * machine.r, axis=1, keepdims=True) * machine.r
     near = near - along if way == "swings" else along if way == "pulls" else near
+    curve = share() * rng.normal(size=(rods, dims)) * some("curves", "all")[:, None]
     growth = rng.normal(size=rods) * some("lengths", "lengths aside", "all")
-    growth_aside = share() * some("lengths aside", "all")
-    bend = share() * some("bends", "all") * rng.choice([-1.0, 1.0], rods)
-    uncertain, across = share() * some("ends aside", "off alone", "all"), share() * some("ends aside", "all")
-    return Box(machine, near, growth, growth_aside, bend, uncertain, across)
+    growth_curve = share() * rng.normal(size=rods) * some("lengths", "all")
+    growth_aside, aside = share() * some("lengths aside", "all"), share() * some("ends aside", "off alone", "all")
+    arm = float((rods > dims) * share() * some("elsewhere", "all").max())
+    return Box(machine, near, curve, growth, growth_curve, growth_aside, aside, arm)
 
 
 def steepest(box, n, m):
-    """A point (s, e, g, b) with everything where it lowers the Type 2 margin fastest from the middle."""
-    step, k = 0.05, n + n * m + 2 * n
+    """A point (s, e, g, a) with everything where it lowers the Type 2 margin fastest from the middle."""
+    step, k = 0.05, 2 * n + n * m + 2 * n
     ways = step * np.concatenate([np.zeros((1, k)), np.eye(k)])
-    s, e, g, b = np.split(ways, [n, n + n * m, 2 * n + n * m], axis=1)
-    there = box.met(s, e.reshape(-1, n, m), g, b)
-    ds, de, dg, db = np.split(there.type2[0] - there.type2[1:], [n, n + n * m, 2 * n + n * m])
-    down = de.reshape(n, m) / np.maximum(np.linalg.norm(de.reshape(n, m), axis=1, keepdims=True), 1e-12)
-    return np.sign(ds), down, np.sign(dg), 1.0 * (db > 0.0)
+    s, e, g, a = np.split(ways, [n, n + n * m, 2 * n + n * m], axis=1)
+    there, _ = box.met(s, e.reshape(-1, n, m), g, a.reshape(-1, n, 2))
+    ds, de, dg, da = np.split(there.type2[0] - there.type2[1:], [n, n + n * m, 2 * n + n * m])
+    down = [
+        part / np.maximum(np.linalg.norm(part, axis=1, keepdims=True), 1e-12)
+        for part in (de.reshape(n, m), da.reshape(n, 2))
+    ]
+    return np.sign(ds), down[0], np.sign(dg), down[1]
 
 
-@pytest.mark.parametrize("way", WAYS)
-@pytest.mark.parametrize("platform", PLATFORMS)
+@pytest.mark.parametrize(
+    ("platform", "way"),
+    [(name, way) for name, (n, m) in PLATFORMS.items() for way in WAYS if n > m or way != "elsewhere"],
+)
 def test_rods_of_any_place_and_motion_stay_within_what_is_said_of_a_box(platform, way):
     """Near ends and lengths anywhere within their bounds, all corners, and where the Type 2 margin falls fastest."""
     rng, (n, m) = np.random.default_rng(32), PLATFORMS[platform]
@@ -104,20 +110,21 @@ def test_rods_of_any_place_and_motion_stay_within_what_is_said_of_a_box(platform
     for _ in range(100 if m < n > 3 else 50):
         box = random_box(rng, n, m, way)
         machine = box.machine
-        said = reached(machine.posture, box.rods(), machine.span)
+        said = reached(machine.posture, box.rods(), box.arm)
         if said is None or not said.type2 > 0.0:
             continue
         promised += 1
         s = np.concatenate([corners(n), rng.uniform(-1.0, 1.0, (others, n)), np.zeros((1, n))])
-        e = units(rng.normal(size=(len(s), n, m)))
+        e, a = units(rng.normal(size=(len(s), n, m))), units(rng.normal(size=(len(s), n, 2)))
         e[::3] = machine.r * np.sign(rng.uniform(-1.0, 1.0, (len(e[::3]), n, 1)))
-        g, b = np.sign(rng.uniform(-1.0, 1.0, s.shape)), np.round(rng.uniform(size=s.shape))
-        start = box.met(0.0 * s[:1], 0.0 * e[:1], 0.0 * g[:1], 0.0 * b[:1])
-        s, e, g, b = (np.concatenate([a, [worst]]) for a, worst in zip((s, e, g, b), steepest(box, n, m), strict=True))
-        found = box.met(s, e, g, b)
+        g = np.sign(rng.uniform(-1.0, 1.0, s.shape))
+        start, _ = box.met(0.0 * s[:1], 0.0 * e[:1], 0.0 * g[:1], 0.0 * a[:1])
+        s, e, g, a = (np.concatenate([x, [worst]]) for x, worst in zip((s, e, g, a), steepest(box, n, m), strict=True))
+        found, length = box.met(s, e, g, a)
         off = np.linalg.norm(found.move - s @ np.array(said.moves), axis=1)
-        changes = found.r - machine.r - np.einsum("ns,rsm->nrm", s, np.array([rod.ways for rod in said.rods]))
-        rest, most = np.linalg.norm(changes, axis=2), np.array([rod.rest for rod in said.rods])
+        changes = found.r * (length / machine.length)[..., None] - machine.r
+        changes -= np.einsum("ns,rsm->nrm", s, np.array([change.ways for change in said.changes]))
+        rest, most = np.linalg.norm(changes, axis=2), np.array([change.rest for change in said.changes])
         assert (off <= said.aside + ROUNDING).all()
         assert (rest <= most + 10.0 * ROUNDING).all()
         assert (found.rod_turns(machine) <= said.turn + 10.0 * ROUNDING).all()
@@ -125,81 +132,7 @@ def test_rods_of_any_place_and_motion_stay_within_what_is_said_of_a_box(platform
         loss = (start.type2 - found.type2) / (start.type2 - said.type2 + 1e-9)
         used = np.maximum(used, [(off / (said.aside + 1e-9)).max(), (rest / (most + 1e-9)).max(), loss.max()])
     assert promised > 10, "hardly anything is promised"
-    assert (used > [0.7, 0.7, 0.2]).all(), "what happens is far from what is said of displacement, directions, Type 2"
-
-
-# --- directions that change in any way, as no rods do ---
-
-
-def cross_products(machine, r):
-    """Determinants (N,) of rods along r (N, n, m), and the v_i (N, n, m): what r_i is multiplied with in them."""
-    m = machine.r.shape[1]
-    A = rows(machine, r, machine.arms)
-    det = np.linalg.det(A)
-    columns = np.swapaxes(np.linalg.inv(A), -1, -2) * det[..., None, None]
-    v = columns[..., :m].copy()
-    if machine.turns:
-        v[..., :2] += columns[..., m:] * np.stack([-machine.arms[:, 1], machine.arms[:, 0]], axis=1)
-    return det, v
-
-
-def random_changes(rng, n, m, still):
-    """Rods, how their directions change with every joint (n rods, n joints, m), and what may come on top."""
-    while True:
-        right = n == m and rng.uniform() < 0.5
-        r = np.linalg.qr(rng.normal(size=(m, m)))[0] if right else units(rng.normal(size=(n, m)))
-        arms = units(rng.normal(size=(n, 2))) * 10.0 ** (rng.uniform(-1.0, 2.0) + rng.uniform(-0.3, 0.3, (n, 1)))
-        if n == 3 > m and rng.uniform() < 0.5:  # arms as far apart as they can, rods across them
-            x, y = np.cos(ANGLES), np.sin(ANGLES)
-            arms, r = np.stack([x, y], axis=1) * np.hypot(*arms[0]), np.stack([-y, x], axis=1)
-        machine = Machine(r, arms * (n > m), np.ones(n))
-        if abs(np.linalg.det(rows(machine, r, arms))) > 0.05 * (machine.span or 1.0):
-            break
-    size = 10.0 ** rng.uniform(-2.5, -0.5)
-    u = rng.normal(size=(n, n, m)) * (rng.uniform(size=(n, n, 1)) < rng.choice([0.3, 1.0]))
-    if rng.uniform() < 0.3:
-        u = (rng.normal(size=(n, n, n)) * (rng.uniform(size=(n, n, n)) < 0.3)) @ r
-    return machine, size / n * u, (0.0 if still else size * 10.0 ** rng.uniform(-2.0, 0.0)) * rng.uniform(size=n)
-
-
-def changed(machine, u, rest):
-    """What the bound is made of."""
-    n, found = len(u), []
-    for i in range(n):
-        moment = machine.arms[i, 0] * u[i, :, 1] - machine.arms[i, 1] * u[i, :, 0]
-        ways = np.concatenate([u[i], moment[:, None]], axis=1) if machine.turns else u[i]
-        most = float(np.linalg.norm(corners(n) @ u[i], axis=1).max())
-        found.append(Change(ways.tolist(), most, float(rest[i])))
-    return machine.posture, found, machine.span
-
-
-@pytest.mark.parametrize("still", [True, False], ids=["to first order", "with more on top"])
-@pytest.mark.parametrize("platform", PLATFORMS)
-def test_directions_that_change_as_badly_as_they_can_stay_above_the_bound(platform, still):
-    """At every corner what lowers the determinant most comes on top, found row by row. Two rods: their determinant is
-    the cosine."""
-    rng, (n, m) = np.random.default_rng(39), PLATFORMS[platform]
-    promised, used = 0, 0.0
-    for _ in range(150):
-        machine, u, rest = random_changes(rng, n, m, still)
-        bound = type2_over(*changed(machine, u, rest))
-        if not bound > 0.0:
-            continue
-        promised += 1
-        s = np.concatenate([corners(n), rng.uniform(-1.0, 1.0, (20, n))])
-        r = machine.r + np.einsum("ns,rsm->nrm", s, u)
-        e = np.zeros_like(r)
-        sign = np.sign(cross_products(machine, machine.r)[0])
-        for j in [*range(n)] * 2:
-            e[:, j] = -sign * rest[j] * units(cross_products(machine, r + e)[1][:, j])
-        cosines = [
-            sign * det if n == 2 else sign * det / np.linalg.norm(v, axis=2).max(axis=1)
-            for det, v in (cross_products(machine, r + e), cross_products(machine, machine.r[None]))
-        ]
-        assert (cosines[0] >= bound - ROUNDING).all()
-        used = max(used, (cosines[1][0] - cosines[0].min()) / (cosines[1][0] - bound + 1e-12))
-    assert promised > 60
-    assert used > 0.8, "no determinant falls as far as is allowed for"
+    assert (used > [0.5, 0.5, 0.5]).all(), "what happens is far from what is said of displacement, directions, Type 2"
 
 
 @pytest.mark.parametrize("wrong", [np.nan, np.inf])
@@ -213,8 +146,8 @@ def test_nothing_is_said_of_rods_whose_motion_is_unknown(wrong):
         "aside": wrong,
         "growth": wrong,
         "growth_aside": wrong,
-        "bend": wrong,
-        "uncertain": wrong,
+        "curve": (wrong, 0.0, 0.0),
+        "growth_curve": wrong,
     }.items():
         if (field, wrong) == ("length", np.inf):  # a rod as long as can be is a plane: nothing is unknown of it
             continue
@@ -343,7 +276,7 @@ def test_the_constraint_margin_of_the_4_ruu_stays_above_its_bound_however_its_ro
         rest = rng.integers(0, 2) * level * 10.0 ** rng.uniform(-2.5, -1.0)
         most = [float(np.linalg.norm(corners(4) @ ways, axis=1).max()) for ways in u]
         rods = [Change(ways.tolist(), m, e) for ways, m, e in zip(u, most, rest.tolist(), strict=True)]
-        at, met = SimpleNamespace(screws=r.tolist()), SimpleNamespace(rods=rods)
+        at, met = SimpleNamespace(screws=r.tolist()), SimpleNamespace(changes=rods)
         bound = ruu4.constraint_over(at, met)
         s = np.concatenate([np.zeros((1, 4)), corners(4), rng.uniform(-1.0, 1.0, (100, 4))])
         e = units(rng.normal(size=(len(s), 4, 2))) * rest[:, None]

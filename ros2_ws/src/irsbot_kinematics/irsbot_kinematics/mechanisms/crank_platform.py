@@ -24,6 +24,7 @@ from irsbot_kinematics.boxes import Reached, Rod
 from irsbot_kinematics.guarantees import EXACT, Errors, lowered
 from irsbot_kinematics.mechanism import Coordinate, Floats, Legs, Posture, Signs, Status, sign_of
 from irsbot_kinematics.mechanisms.turning_platform import Travel, TurningPlatform
+from irsbot_kinematics.quadratics import Quadratic
 from irsbot_kinematics.skeleton import BASE, Link, Vector, Z
 from irsbot_kinematics.tolerances import CLOSURE_TOL_M, FOLLOWED_TOL_M, SAME_POSE_TOL, UNREAL_TOL, VANISHED_TOL
 
@@ -316,27 +317,24 @@ class CrankPlatform(TurningPlatform):
         """The near ends run on the circles of the cranks."""
         l1, level, rods = self.crank, (0.0,) * (len(at.pose) - 3), []
         ends, length, _ = self.geometry_errors(slack_m) if slack_m else EXACT
-        for q, h, (rx, ry, *_) in zip(at.joints, travel, at.screws, strict=True):
-            ux, uy, curve = cos(q), sin(q), 0.5 * l1 * h * h
-            near = -l1 * h * uy, l1 * h * ux, *level
-            bend, uncertain = curve * (ux * rx + uy * ry), curve * h / 3.0 + ends
-            rods.append(Rod(self.rod, near, curve + ends, 0.0, length, bend, uncertain))
+        for q, h in zip(at.joints, travel, strict=True):
+            x, y = l1 * h * cos(q), l1 * h * sin(q)
+            near, curve = (-y, x, *level), (-0.5 * h * x, -0.5 * h * y, *level)
+            rods.append(Rod(self.rod, near, l1 * h * h * h / 6.0 + ends, 0.0, length, curve))
         return rods
 
-    def sines_over(self, at: Posture, travel: Sequence[float], met: Reached) -> Floats:
-        """The sine is the cross product of the directions of crank and rod: linear in each. A crank that turns by h is
-        off its tangent by at most h^2/2."""
-        floors = []
-        for i, (q, h, sine, screw, rod) in enumerate(
-            zip(at.joints, travel, at.sines, at.screws, met.rods, strict=True)
-        ):
-            ux, uy = cos(q), sin(q)
-            slopes = [uy * x - ux * y for x, y, *_ in rod.ways]
-            slopes[i] += h * (ux * screw[0] + uy * screw[1])
-            rest = rod.rest + 0.5 * h * h + (h + 0.5 * h * h) * (rod.most + rod.rest)
-            left = abs(sine) - sum(map(abs, slopes)) - rest
-            floors.append(left if left > 0.0 else 0.0)
-        return tuple(floors)
+    def sines_over(self, at: Posture, travel: Sequence[float], met: Reached, slack_m: float) -> Floats:
+        """The sine is the cross product of the directions of crank and rod, seen from above."""
+        q, h, t, each = np.array(at.joints), np.array(travel), met.rods.terms, np.arange(len(travel))
+        n, x, y, rest = len(q), np.cos(q), np.sin(q), h * h * h / 6.0
+        cranks = np.zeros((t.number, 2, n))
+        # y before x, as the cross product takes them.
+        cranks[0] = y, x
+        cranks[1 + each, :, each] = np.array([h * x, -h * y]).T
+        cranks[1 + n + each, :, each] = (-0.5 * h * h * cranks[0]).T
+        products = met.rods[:2] * Quadratic(t, cranks, np.array([rest, rest]))
+        sines = (products[0] - products[1]).times(np.sign(at.sines))
+        return tuple(np.maximum(sines.least() / met.longest, 0.0).tolist())
 
     def sine_floors(self, at: Posture, travel: Sequence[float], turn_rad: float, slack_m: float = 0.0) -> Floats:
         """The sine is |elevation| of the rod over the upright plane through its crank: both turn by bounded angles."""

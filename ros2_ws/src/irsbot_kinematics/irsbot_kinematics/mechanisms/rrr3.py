@@ -12,7 +12,7 @@ from math import atan2, cos, hypot, inf, nan, pi, sin, sqrt
 from typing import ClassVar
 
 from irsbot_kinematics.arithmetic import FLOATS, Arithmetic, N
-from irsbot_kinematics.boxes import Rod
+from irsbot_kinematics.boxes import Reached, Rod
 from irsbot_kinematics.geometry import require, require_finite
 from irsbot_kinematics.guarantees import CHORD, EXACT, HALF, Errors
 from irsbot_kinematics.mechanism import Coordinate, Cuspidal, Floats, Legs, Posture, Signs, Status, sign_of
@@ -275,13 +275,19 @@ class Rrr3(TurningPlatform):
         return Errors(2.0 * place, 2.0 * slack_m, place)
 
     def rods_of(self, at: Posture, travel: Sequence[float], slack_m: float) -> list[Rod]:
-        """The near ends stay; rho_i grows by -B_ii per rad, and bends by at most l/2 per rad^2."""
+        """The near ends stay; rho_i = 2 l cos(q_i/2) grows by -B_ii per rad and bends by -rho_i/8 per rad^2, its third
+        derivative is at most l/4."""
         l = self.geometry.l
         ends, length, _ = self.geometry_errors(slack_m) if slack_m else EXACT
-        return [
-            Rod(2.0 * l - reach, (0.0, 0.0), ends, -lever * h, 0.25 * l * h * h + length)
-            for lever, reach, h in zip(at.levers, at.reach, travel, strict=True)
-        ]
+        rods = []
+        for lever, reach, h in zip(at.levers, at.reach, travel, strict=True):
+            rho = 2.0 * l - reach
+            rods.append(Rod(rho, (0.0, 0.0), ends, -lever * h, l * h * h * h / 24.0 + length, (), -0.125 * rho * h * h))
+        return rods
+
+    def sines_over(self, at: Posture, travel: Sequence[float], met: Reached, slack_m: float) -> Floats:
+        """Whatever the platform does."""
+        return self.sine_floors(at, travel, 0.0, slack_m)
 
     def sine_floors(self, at: Posture, travel: Sequence[float], turn_rad: float, slack_m: float = 0.0) -> Floats:
         """The sine is |sin(q_i/2)|, whatever the platform does.

@@ -156,9 +156,10 @@ class Ruu4(CrankPlatform):
         (w/h)^2/sqrt 3 over (1 - |change|/h)^2, because the second derivatives of the unit vector along a vector are at
         most 2/sqrt 3 over its size squared."""
         columns: list[Floats] = []
-        ways: list[list[Floats]] = [[] for _ in met.rods]
+        changes = met.changes
+        ways: list[list[Floats]] = [[] for _ in changes]
         room = 0.0
-        for (rx, ry, *_), rod in zip(at.screws, met.rods, strict=True):
+        for (rx, ry, *_), rod in zip(at.screws, changes, strict=True):
             level = hypot(rx, ry) + TINY
             x, y = rx / level, ry / level
             columns.append((x, y))

@@ -66,13 +66,13 @@ class TurningPlatform(Mechanism):
     def rods_of(self, at: Posture, travel: Sequence[float], slack_m: float) -> list[Rod]:
         """What joints that move by at most `travel` do to the rods, to first order and on top of it."""
 
-    def sines_over(self, at: Posture, travel: Sequence[float], met: Reached) -> Floats:
-        """Lower bounds of the Type 1 sines, given how the rods' directions change."""
-        return self.sine_floors(at, travel, met.turn)
+    def sines_over(self, at: Posture, travel: Sequence[float], met: Reached, slack_m: float) -> Floats:
+        """Lower bounds of the Type 1 sines, given what the rods do."""
+        return self.sine_floors(at, travel, met.turn, slack_m)
 
     def constraint_over(self, at: Posture, met: Reached) -> float:
-        """Lower bound of the constraint margin, given how the rods' directions change; NaN: there is none."""
-        return self.constraint_floor(at, met.turn)
+        """Lower bound of the constraint margin, given what the rods do; NaN: there is none."""
+        return self.constraint_floor(at, met.turn) if self.has_constraint else nan
 
     def limb_floors(self, at: Posture, travel: Sequence[float], slack_m: float, type1: Floats) -> Floats:
         """Lower bounds of the limb margins where those of the Type 1 sines are type1: the same, as far as there are
@@ -141,15 +141,13 @@ class TurningPlatform(Mechanism):
         return Guarantee(type1, type2, self.constraint_floor(at, max(angles)), limb)
 
     def guarantee_sharp(self, at: Posture, travel: Sequence[float], slack_m: float = 0.0) -> Guarantee:
-        """boxes.reached; the Type 1 sines and the constraint from what it says of the rods. Where the geometry may be
-        off, the arms of the platform are, too, and no more is known than `guarantee` says."""
-        if slack_m:
-            return self.guarantee(at, travel, slack_m)
-        met = reached(at, self.rods_of(at, travel, 0.0), self.span) if min(travel) >= 0.0 else None
+        """boxes.reached; the Type 1 sines and the constraint from what it says of the rods."""
+        arm = self.geometry_errors(slack_m).arm if slack_m else 0.0
+        met = reached(at, self.rods_of(at, travel, slack_m), arm) if min(travel) >= 0.0 else None
         if met is None:
             return self._nothing(len(at.levers))
-        type1 = self.sines_over(at, travel, met)
-        return Guarantee(type1, met.type2, self.constraint_over(at, met), self.limb_floors(at, travel, 0.0, type1))
+        type1 = self.sines_over(at, travel, met, slack_m)
+        return Guarantee(type1, met.type2, self.constraint_over(at, met), self.limb_floors(at, travel, slack_m, type1))
 
     def box(self, at: Posture, asked: Travel) -> tuple[float, float]:
         """(m, rad) the platform moves and turns at most; infinite where there is no bound."""

@@ -10,9 +10,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from math import exp, log
 
+import numpy as np
+
 from irsbot_msgs_py.records import Cause, JointSample
 from irsbot_supervisor.campaign.case import RECOVERY_LIMIT_S, Case, Fault, take_turns
 from irsbot_supervisor.campaign.line import PERIOD_NS, WARM_UP, Line
+from irsbot_supervisor.campaign.reachable import least_margins
 from irsbot_supervisor.campaign.rows import FALSE_STOPS, RECOVERY_S, Job, Row
 from irsbot_supervisor.core.intake import S
 
@@ -209,16 +212,29 @@ def _beyond(case: Case, make: Callable[[Line], JointSample]) -> Fault:
 
 
 def _settles(case: Case) -> str:
-    """After a clock was set and true samples go on: why motion is not allowed in time and for good, or empty."""
+    """After a clock was set and true samples go on: why motion is not allowed in time and for good, or empty. A branch
+    may be lost, and is to be confirmed by a reset, where a singularity can have been met while nothing was heard."""
     line, begin_ns = case.line, case.line.now_ns
     last_ns = begin_ns
     for _ in range(round(RECOVERY_LIMIT_S * S / PERIOD_NS) + PERIODS):
         line.run(1)
+        if line.verdict is not None and line.verdict.latched and line.verdict.causes & Cause.BRANCH:
+            return case.recovered() if _near_type2(line) else "the branch is lost, and no singularity was near"
         last_ns = last_ns if line.moves else line.now_ns
     case.tally.largest(RECOVERY_S, (last_ns - begin_ns) / S)
     return (
         "" if last_ns - begin_ns <= RECOVERY_LIMIT_S * S else f"stopped {(last_ns - begin_ns) / S:.3f} s after the step"
     )
+
+
+def _near_type2(line: Line) -> bool:
+    """A Type 2 singularity is within what the joints can go until consumers brake for silence."""
+    settings, robot = line.settings, line.supervisor.robot
+    here = np.array(line.position)
+    way = np.array(settings.velocity_limit) * (settings.stale_s + settings.heartbeat_s + settings.latency_s)
+    at = robot.mechanism.posture(line.position, settings.assembly_mode)
+    least = least_margins(robot, settings, (here - way)[None], (here + way)[None], [at])
+    return not least[0, 1] > 0.0
 
 
 def _pairs(

@@ -12,7 +12,7 @@ from irsbot_supervisor.core.assess import SOLVED, Assessment, Margins
 from irsbot_supervisor.core.estimation.estimate import Estimate
 from irsbot_supervisor.core.estimation.sample_interval import SETTLING
 from irsbot_supervisor.core.settings import Settings
-from irsbot_supervisor.core.stopping import limits_of
+from irsbot_supervisor.core.stopping import limits_of, release_of
 
 KINDS = (Cause.TYPE1, Cause.TYPE2, Cause.CONSTRAINT, Cause.LIMB)
 """The margins in the order of `assess.Margins`."""
@@ -38,8 +38,7 @@ class Policy:
     def __init__(self, settings: Settings, joints: tuple[Coordinate, ...]) -> None:
         self._warn = limits_of(settings, "warn")
         self._stop = limits_of(settings, "stop")
-        # A warning ends above its limit, but not above 1, which no margin exceeds.
-        self._release = [min(warn * (1.0 + settings.hysteresis), 0.5 * (1.0 + warn)) for warn in self._warn]
+        self._release = release_of(settings)
         self._names = settings.joint_names
         self._units = [f"{joint.unit}/s" for joint in joints]
         self._speed = settings.velocity_limit

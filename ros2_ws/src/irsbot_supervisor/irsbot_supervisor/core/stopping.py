@@ -118,8 +118,7 @@ class BoxBounds:
             return None
         floor = floor_of(self._mechanism.guarantee(at, half, self._slack_m))
         if spare_of(floor, wanted) < 0.0:
-            sharp = floor_of(self._mechanism.guarantee_sharp(at, half, self._slack_m))
-            floor = max(floor[0], sharp[0]), max(floor[1], sharp[1]), max(floor[2], sharp[2]), max(floor[3], sharp[3])
+            floor = highest(floor, floor_of(self._mechanism.guarantee_sharp(at, half, self._slack_m)))
         return Box(at, half, floor)
 
 
@@ -135,7 +134,7 @@ class StoppingPredictor:
         self._latency = settings.latency_s
         self._bounds = BoxBounds(mechanism, settings.slack_m)
         self._reach = Reach(settings)
-        warn, stop = limits_of(settings, "warn"), limits_of(settings, "stop")
+        warn, stop = release_of(settings), limits_of(settings, "stop")
         whole = 2 ** len(mechanism.joints)
         cuts, more = (PATIENT_CUTS, PATIENT_CUTS) if patient else (HALVINGS * whole, MORE_HALVINGS * whole)
         self._usual, self._cuts = ((warn, cuts), (stop, more)), more
@@ -174,14 +173,17 @@ class StoppingPredictor:
         """Bounds over a box that moves on a little with every sample."""
         if (proved := self._proved) is not None and proved.holds(low, high):
             return proved.floor
-        wide, floor = _wider(low, high), nothing_of(at)
-        for goal in self._usual:
-            for box in (wide, (low, high)):
-                floor = self._bounds.least(at, *box, (goal,))
-                if spare_of(floor, goal[0]) >= 0.0:
-                    self._proved = Proved(*box, floor)
-                    return floor
-        return floor
+        wide, best = _wider(low, high), nothing_of(at)
+        for wanted, cuts in self._usual:
+            floor = self._bounds.least(at, *wide, ((wanted, self._usual[0][1]),))
+            if spare_of(floor, wanted) >= 0.0:
+                self._proved = Proved(*wide, floor)
+                return floor
+            best = highest(best, floor, self._bounds.least(at, low, high, ((wanted, cuts),)))
+            if spare_of(best, wanted) >= 0.0:
+                self._proved = Proved(low, high, best)
+                return best
+        return best
 
     def once(self, at: Posture, speeds: Speeds, ahead_s: float) -> Margins:
         """What `predict` says, with less work: enough where a robot is being stopped anyway. For boxes that hardly move
@@ -220,6 +222,12 @@ def lowest(floors: list[Margins]) -> Margins:
     return type1, type2, constraint, limb
 
 
+def highest(*floors: Margins) -> Margins:
+    """The largest of each margin: of several bounds of the same, the best."""
+    type1, type2, constraint, limb = map(max, zip(*floors, strict=True))
+    return type1, type2, constraint, limb
+
+
 def _in_question(met: Margins, wanted: Margins) -> Margins:
     """What is wanted of the margins that are not already seen to be lower somewhere: of those nothing can be proved,
     and the others shall not be blamed for it."""
@@ -248,4 +256,12 @@ def limits_of(settings: Settings, which: str) -> Margins:
     """The `warn` or `stop` limits of the four margins."""
     kinds = ("type1", "type2", "constraint", "limb")
     type1, type2, constraint, limb = (getattr(settings, f"{kind}_{which}") for kind in kinds)
+    return type1, type2, constraint, limb
+
+
+def release_of(settings: Settings) -> Margins:
+    """The limits at which a warning ends: above its limit, but not above 1, which no margin exceeds."""
+    type1, type2, constraint, limb = (
+        min(warn * (1.0 + settings.hysteresis), 0.5 * (1.0 + warn)) for warn in limits_of(settings, "warn")
+    )
     return type1, type2, constraint, limb
