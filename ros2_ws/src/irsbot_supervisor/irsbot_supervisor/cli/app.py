@@ -6,7 +6,7 @@ import sys
 
 import typer
 
-from irsbot_kinematics import InvalidGeometry, KinematicsError, NotAssembled, Unreachable
+from irsbot_kinematics import NotAssembled, Unreachable
 from irsbot_kinematics.stiffness import NoSize, SingularPosture
 from irsbot_supervisor.cli import (
     algebra,
@@ -26,11 +26,8 @@ from irsbot_supervisor.cli import (
     sizing,
     stiffness,
 )
-from irsbot_supervisor.cli.common import NUMBERS, Failed, err
-from irsbot_supervisor.core.motion import BadTrajectory
-from irsbot_supervisor.core.settings import InvalidSettings
-from irsbot_supervisor.mcap_writer import BagError
-from irsbot_supervisor.sim.errors import SimulationError
+from irsbot_supervisor.cli.common import BAD_INPUT, NUMBERS, Failed, err
+from irsbot_supervisor.cli.outputs import guarded
 from irsbot_supervisor.suite import SuiteError
 
 app = typer.Typer(
@@ -61,9 +58,10 @@ app.command("stiffness", context_settings=NUMBERS)(stiffness.show)
 design.app.command("size")(sizing.size)
 app.add_typer(design.app, name="design")
 app.add_typer(algebra.app, name="algebra")
-
-BAD_INPUT = (InvalidSettings, BadTrajectory, InvalidGeometry, BagError, SimulationError, KinematicsError)
-"""What a user can cause; each says in one sentence what is wrong and what would be right."""
+for group in (app, design.app, algebra.app):
+    for command in group.registered_commands:
+        if command.callback is not None and command.callback is not bags.salvage:  # a bag is always a new one
+            command.callback = guarded(command.callback)
 
 
 def main() -> None:
