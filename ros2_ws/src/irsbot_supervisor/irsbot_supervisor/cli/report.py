@@ -13,7 +13,15 @@ import typer
 
 from irsbot_kinematics import BadInput
 from irsbot_supervisor.cli.common import existing, out
-from irsbot_supervisor.cli.replay import NamespaceOption, RobotOption, SettingsOption, assumption, story_of
+from irsbot_supervisor.cli.replay import (
+    MechanismOption,
+    NamespaceOption,
+    RobotOption,
+    SettingsOption,
+    assumption,
+    files_of,
+    story_of,
+)
 from irsbot_supervisor.core.intake import S
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.journal import Configuration
@@ -33,6 +41,7 @@ def report(
     robot: RobotOption = None,
     settings: SettingsOption = None,
     namespace: NamespaceOption = None,
+    mechanism: MechanismOption = None,
 ) -> None:
     """Write one self-contained page about a run: picture, chapters, smallest margins, settings, replay.
 
@@ -42,7 +51,7 @@ def report(
         raise BadInput(f"cannot write '{target}': the suffix must be .html")
     story = story_of(existing(bag, "the bag"))
     recording = read_recording(bag, namespace or (story.namespace if story else None))
-    judged = judge_again(recording, assumption(robot, settings, story))
+    judged = judge_again(recording, assumption(robot, settings, story), files_of(mechanism))
     found = outcome(recording, Expectation(stop=False))
     target.write_text(_page(bag, recording, judged, found), encoding="utf-8")
     out.print(f"written to {target}")
