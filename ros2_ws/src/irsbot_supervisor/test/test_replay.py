@@ -89,7 +89,9 @@ def test_an_error_inside_is_judged_unknown_as_in_the_node_and_the_replay_goes_on
     right = judge_again(recording)
     before_the_faults = sorted(sample.position[0] for sample in recording.samples[:130])
     monkeypatch.setattr(fake_failing_mechanism, "FAILS_ABOVE", before_the_faults[80])
-    monkeypatch.setattr(irsbot_supervisor.replay, "robot_from_record", lambda record, _files: fake_robot_of(record["name"]))
+    monkeypatch.setattr(
+        irsbot_supervisor.replay, "robot_from_record", lambda record, _files: fake_robot_of(record["name"])
+    )
     judged = judge_again(recording)
     assert len(judged.levels) == len(right.levels)
     failed = [chapter for chapter in judged.chapters if chapter.causes & Cause.INTERNAL]
