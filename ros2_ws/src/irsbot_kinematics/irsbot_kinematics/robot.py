@@ -17,7 +17,7 @@ from irsbot_kinematics.batch import Evaluations
 from irsbot_kinematics.errors import BadInput, NotAssembled, Unreachable
 from irsbot_kinematics.mechanism import Cuspidal, Floats, Mechanism, Posture, Signs, Status
 from irsbot_kinematics.robot_file import RobotFile, preset_names, read_robot
-from irsbot_kinematics.tolerances import REACH_TOL_M
+from irsbot_kinematics.tolerances import FARTHEST, REACH_TOL_M
 
 
 @dataclass(frozen=True)
@@ -195,10 +195,10 @@ class Robot:
         return np.array(statics.twist(screws, drive))
 
     def _pose(self, pose: ArrayLike) -> Floats:
-        return _vector(pose, len(self.mechanism.task), "pose")
+        return _near(_vector(pose, len(self.mechanism.task), "pose"), "pose")
 
     def _joints(self, joints: ArrayLike) -> Floats:
-        return _vector(joints, len(self.mechanism.joints), "joints")
+        return _near(_vector(joints, len(self.mechanism.joints), "joints"), "joints")
 
     def _wrench(self, wrench: ArrayLike) -> Floats:
         return _vector(wrench, len(self.mechanism.task), "wrench")
@@ -227,6 +227,12 @@ def _vector(values: ArrayLike, length: int, what: str) -> Floats:
         raise BadInput(f"{what} must have {length} numbers, got {len(vector)}")
     if not all(map(isfinite, vector)):
         raise BadInput(f"{what} must be finite, got {vector}")
+    return vector
+
+
+def _near(vector: Floats, what: str) -> Floats:
+    if not max(map(abs, vector)) <= FARTHEST:
+        raise BadInput(f"{what} must be at most {FARTHEST:g} rad or m in size, got {vector}")
     return vector
 
 

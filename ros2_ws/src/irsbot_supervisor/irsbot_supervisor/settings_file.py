@@ -32,13 +32,19 @@ def shipped_values(robot: Robot) -> dict[str, Any]:
     return dict(robot.supervision)
 
 
-def read_settings(robot_name: str, changes: Mapping[str, Any] | None = None) -> tuple[Settings, Robot]:
-    """Checked settings and the robot they are for; `changes` replace shipped values.
+def read_settings(
+    robot_name: str, changes: Mapping[str, Any] | None = None, where: object = ""
+) -> tuple[Settings, Robot]:
+    """Checked settings and the robot they are for; `changes` replace shipped values. where: the file of the changes.
 
     Raises InvalidSettings, or what the robot's file raises.
     """
     robot = robot_of(robot_name)
-    return settings_from({**shipped_values(robot), **(changes or {}), "robot": robot_name}, robot), robot
+    try:
+        return settings_from({**shipped_values(robot), **(changes or {}), "robot": robot_name}, robot), robot
+    except InvalidSettings as error:
+        file = where or (robot_name if robot_name.endswith((".yaml", ".yml")) else "")
+        raise InvalidSettings(f"{file}: {error}" if file else str(error)) from None
 
 
 def read_values(path: Path) -> dict[str, Any]:

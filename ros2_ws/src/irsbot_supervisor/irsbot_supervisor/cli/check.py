@@ -68,7 +68,7 @@ def check_trajectory(
     from irsbot_supervisor.columns import has_columns, read_motion  # polars takes its time to load
 
     changes = read_values(existing(settings, "the settings file")) if settings is not None else {}
-    limits, machine = read_settings(robot, changes)
+    limits, machine = read_settings(robot, changes, settings or "")
     task = [coordinate.name for coordinate in machine.mechanism.task]
     of_platform = has_columns(existing(file, "the motion"), task)
     of_joints = not of_platform or has_columns(file, list(limits.joint_names))

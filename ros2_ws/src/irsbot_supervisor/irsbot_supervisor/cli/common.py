@@ -19,7 +19,15 @@ from irsbot_supervisor.mcap_writer import BagError
 from irsbot_supervisor.settings_file import robot_of
 from irsbot_supervisor.sim.errors import SimulationError
 
-out = Console(highlight=False, soft_wrap=True, markup=False)
+
+class _Output(Console):
+    """Leaves it to `main` what becomes of a command whose reader went away."""
+
+    def on_broken_pipe(self) -> None:
+        raise BrokenPipeError
+
+
+out = _Output(highlight=False, soft_wrap=True, markup=False)
 """For results."""
 
 err = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)

@@ -163,7 +163,7 @@ def up(
         told = read_parameters(existing(params, "the parameter file"), _parameters(f"/{place}" if place else ""))
         names = {entry.name for entry in fields(Settings)} - {"robot"}
         (of_supervisor,) = [values for node, values in told.items() if node.endswith("/supervisor")]
-        read_settings(robot, {name: value for name, value in of_supervisor.items() if name in names})
+        read_settings(robot, {name: value for name, value in of_supervisor.items() if name in names}, params)
     target = folder or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-up"
     _prepare(target)
     _end_in_order_when_told_to()

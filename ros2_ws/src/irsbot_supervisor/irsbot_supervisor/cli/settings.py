@@ -24,7 +24,7 @@ def settings(
     Example: irsbot settings irsbot2 --file mine.yaml
     """
     changes = read_values(existing(file, "the settings file")) if file is not None else {}
-    found, _robot = read_settings(robot, changes)
+    found, _robot = read_settings(robot, changes, file or "")
     rows = [_row(found, entry.name, entry.metadata) for entry in fields(Settings)]
     if as_json:
         print_json({"config_hash": found.config_hash, "settings": rows})

@@ -55,7 +55,7 @@ def scenario_names() -> tuple[str, ...]:
 
 def scenario_robots(name_or_path: str) -> tuple[str, ...]:
     """Robots that a scenario has numbers for, the default first. Raises BadScenario."""
-    return tuple(_read(name_or_path)[1]["robots"])
+    return tuple(_read(name_or_path)[2]["robots"])
 
 
 def read_scenario(name_or_path: str, robot: Robot | None = None) -> Scenario:
@@ -63,18 +63,18 @@ def read_scenario(name_or_path: str, robot: Robot | None = None) -> Scenario:
 
     A robot that the file does not name takes the entry of its topology. Raises BadScenario.
     """
-    name, said = _read(name_or_path)
+    name, place, said = _read(name_or_path)
     robots: Mapping[str, Any] = said["robots"]
     wanted = next(iter(robots)) if robot is None else robot.name
     entry = wanted if wanted in robots or robot is None else robot.mechanism.kind
     if entry not in robots:
-        raise BadScenario(f"{name} has no robot '{wanted}'; it has {', '.join(robots)}")
+        raise BadScenario(f"{place} has no robot '{wanted}'; it has {', '.join(robots)}")
     own = robots[entry] or {}
-    _known(own, _FOR_ROBOT, f"{name}: robots.{entry}")
+    _known(own, _FOR_ROBOT, f"{place}: robots.{entry}")
     merged = {**{key: value for key, value in said.items() if key in _FOR_ROBOT}, **own}
     if "start" not in merged or not (merged.get("cycle") or merged.get("run")):
-        raise BadScenario(f"{name}: robot '{entry}' needs start, and cycle or run")
-    where = f"{name} for {entry}"
+        raise BadScenario(f"{place}: robot '{entry}' needs start, and cycle or run")
+    where = f"{place} for {entry}"
     return Scenario(
         name=name,
         description=str(said.get("description", "")),
@@ -89,15 +89,18 @@ def read_scenario(name_or_path: str, robot: Robot | None = None) -> Scenario:
     )
 
 
-def _read(name_or_path: str) -> tuple[str, dict[str, Any]]:
+def _read(name_or_path: str) -> tuple[str, str, dict[str, Any]]:
+    """Its name, what messages call it, and what it says."""
     path = Path(name_or_path)
     if path.suffix in (".yaml", ".yml"):
         try:
-            name, text = path.stem, path.read_text(encoding="utf-8")
+            name, place, text = path.stem, str(path), path.read_text(encoding="utf-8")
         except OSError as error:
             raise BadScenario(f"{path}: {error.strerror}") from None
+        except UnicodeDecodeError:
+            raise BadScenario(f"{path}: not a text in UTF-8") from None
     elif name_or_path in scenario_names():
-        name = name_or_path
+        name = place = name_or_path
         file = resources.files("irsbot_supervisor").joinpath(f"scenarios/{name}.yaml")
         text = file.read_text(encoding="utf-8")
     else:
@@ -105,11 +108,11 @@ def _read(name_or_path: str) -> tuple[str, dict[str, Any]]:
     try:
         said = yaml.safe_load(text)
     except yaml.YAMLError as error:
-        raise BadScenario(f"{name}: not YAML: {' '.join(str(error).split())}") from None
-    _known(said, _TOP, name)
+        raise BadScenario(f"{place}: not YAML: {' '.join(str(error).split())}") from None
+    _known(said, _TOP, place)
     if not isinstance(said.get("robots"), dict) or not said["robots"]:
-        raise BadScenario(f"{name}: robots must name at least one robot")
-    return name, said
+        raise BadScenario(f"{place}: robots must name at least one robot")
+    return name, place, said
 
 
 def _known(said: Any, keys: set[str], where: str) -> None:
