@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from math import pi
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import typer
 
 from irsbot_kinematics import BadInput, Robot
-from irsbot_kinematics.design.rectangle import Limits
+from irsbot_kinematics.arithmetic import Array
+from irsbot_kinematics.design.rectangle import Limits, Rectangle
 from irsbot_kinematics.maps import (
     QUANTITIES,
     Box,
@@ -21,8 +22,10 @@ from irsbot_kinematics.maps import (
     joint_map,
     loci,
     reachable_box,
+    type2_crossings,
     workspace_map,
 )
+from irsbot_kinematics.mechanism import Coordinate
 from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2
 from irsbot_kinematics.mechanisms.planar_pair import PlanarPair
 from irsbot_supervisor.cli.common import out, print_json, robot_named, sign_text, signs
@@ -70,30 +73,53 @@ def draw(
     found = workspace_map(mechanism, working_mode, ranges, (nodes, nodes))
     curves: tuple[Locus, ...] = ()
     rectangle = None
+    crossings: Array = np.empty((0, 2))
     if isinstance(mechanism, PlanarPair):
         curves = loci(mechanism, working_mode)
         if working_mode[0] == -working_mode[1]:
             rectangle = free_rectangle(mechanism, Limits(0.0, 0.0, 0.0), working_mode)
+    else:
+        crossings = type2_crossings(found)
+    outside = rectangle is not None and not _within(rectangle, ranges)
     points = constraint_points(mechanism, working_mode) if isinstance(mechanism, Irsbot2) else np.empty((0, 2))
     if target.suffix == ".npz":
-        np.savez_compressed(
-            target, **{name: getattr(found, name) for name in ("first", "second", *QUANTITIES, "assembly")}
-        )
+        _save(found, target)
     else:
         from irsbot_supervisor.pictures.map import draw_map  # matplotlib takes a second to load
 
-        title = f"{machine.name}, working mode {sign_text(working_mode)}: {what}"
-        draw_map(found, what, title, curves, points, rectangle, target)
+        title = f"{machine.name}, working mode {sign_text(working_mode)}: {what}{_at(mechanism.task[2:], others)}"
+        draw_map(found, what, title, curves, points, None if outside else rectangle, target, crossings)
     area = f"{found.area:.4f} m2"
     if as_json:
-        rows = {"reached_area": found.area, "constraint_points": points, "file": target}
-        print_json(rows | ({"free_rectangle": rectangle._asdict(), "free_area": rectangle.area} if rectangle else {}))
+        rows: dict[str, Any] = {"reached_area": found.area, "constraint_points": points, "file": target}
+        if rectangle is not None:
+            rows |= {"free_rectangle": rectangle._asdict(), "free_area": rectangle.area, "free_in_box": not outside}
+        elif not isinstance(mechanism, PlanarPair):
+            rows |= {"type2_crossings": len(crossings)}
+        print_json(rows)
         return
-    out.print(f"reached in mode {sign_text(working_mode)}: {area}; constraint singularities: {len(points)}")
-    if rectangle is not None:
+    known = f"; constraint singularities: {len(points)}" if isinstance(mechanism, Irsbot2) else ""
+    out.print(f"reached in mode {sign_text(working_mode)}: {area}{known}")
+    if not isinstance(mechanism, PlanarPair):
+        lines = f"read off the grid at {len(crossings)} places" if len(crossings) else "none between nodes of the grid"
+        out.print(f"Type 2 lines: {lines}")
+    if outside:
+        out.print("the largest free rectangle below the base is not within the box and is not drawn")
+    elif rectangle is not None:
         size = f"|x| <= {rectangle.half_width:.4f}, {rectangle.z_low:.4f} <= z <= {rectangle.z_high:.4f}"
         out.print(f"largest free rectangle below the base: {size}, {rectangle.area:.4f} m2")
     out.print(f"written to {target}")
+
+
+def _within(rectangle: Rectangle, box: Box) -> bool:
+    wide = box.first[0] <= -rectangle.half_width and rectangle.half_width <= box.first[1]
+    return wide and box.second[0] <= rectangle.z_low and rectangle.z_high <= box.second[1]
+
+
+def _at(further: tuple[Coordinate, ...], values: tuple[float, ...]) -> str:
+    """The values of the coordinates that a map does not show."""
+    said = [f"{one.name} = {value:g} {one.unit}" for one, value in zip(further, values, strict=True)]
+    return f" at {', '.join(said)}" if said else ""
 
 
 def _draw_joints(machine: Robot, what: str, ranges: Box, nodes: int, target: Path) -> None:
@@ -104,8 +130,10 @@ def _draw_joints(machine: Robot, what: str, ranges: Box, nodes: int, target: Pat
     else:
         from irsbot_supervisor.pictures.map import draw_map  # matplotlib takes a second to load
 
-        title = f"{machine.name}, assembly mode {assembly:+d}: {what}"
-        draw_map(found, what, title, (), np.empty((0, 2)), None, target)
+        nowhere = np.empty((0, 2))
+        further = _at(machine.mechanism.joints[2:], ranges.others)
+        title = f"{machine.name}, assembly mode {assembly:+d}: {what}{further}"
+        draw_map(found, what, title, (), nowhere, None, target, nowhere)
     share = float(np.isfinite(found.type1).mean())
     out.print(f"assembled in mode {assembly:+d}: {share:.1%} of the map")
     out.print(f"written to {target}")

@@ -24,8 +24,9 @@ def draw_map(
     points: Array,
     rectangle: Rectangle | None,
     target: Path,
+    crossings: Array,
 ) -> None:
-    """Write a PNG of one quantity of a map."""
+    """Write a PNG of one quantity of a map. crossings: (N, 2) places of Type 2 where its curves are not known."""
     values = getattr(found, what)
     wide = found.first[-1] - found.first[0]
     tall = found.second[-1] - found.second[0]
@@ -43,6 +44,8 @@ def draw_map(
             label = None if curve.kind in named else NAMES[curve.kind]
             named.add(curve.kind)
             axes.plot(*curve.points.T, color=COLOURS[curve.kind], linewidth=1.4, label=label)
+    if len(crossings):
+        axes.plot(*crossings.T, ".", color=COLOURS["type2"], markersize=2.5, label=f"{NAMES['type2']}, off the grid")
     if len(points):
         axes.plot(
             *points.T, "o", color="#d62728", markersize=6, markeredgecolor="white", label="constraint singularity"
