@@ -61,8 +61,8 @@ app.command("faults")(faults.faults)
 app.command("map")(map.draw)
 app.command("stiffness", context_settings=NUMBERS)(stiffness.show)
 design.app.command("size")(sizing.size)
-app.add_typer(design.app, name="design")
-app.add_typer(algebra.app, name="algebra")
+for name, group in (("design", design.app), ("algebra", algebra.app)):
+    app.add_typer(group, name=name, short_help=str(group.info.help).partition("\n")[0].rstrip("."))
 
 
 def _commands() -> Iterator[CommandInfo]:
@@ -72,7 +72,9 @@ def _commands() -> Iterator[CommandInfo]:
 
 
 for command in _commands():
-    if command.callback is not None and command.callback is not bags.salvage:  # a bag is always a new one
+    assert command.callback is not None
+    command.short_help = (command.callback.__doc__ or "").partition("\n")[0].partition(". ")[0].rstrip(".")  # never cut
+    if command.callback is not bags.salvage:  # a bag is always a new one
         command.callback = guarded(command.callback)
 
 

@@ -67,7 +67,7 @@ def draw(
         raise BadInput(f"working mode {sign_text(working_mode)} has {len(working_mode)} signs, {robot} has other modes")
     others = tuple(at or ())
     if joint_space:
-        _draw_joints(machine, what, Box(*((box[:2], box[2:]) if box else (TURN, TURN)), others), nodes, target)
+        _draw_joints(machine, what, Box(*((box[:2], box[2:]) if box else (TURN, TURN)), others), nodes, target, as_json)
         return
     ranges = Box(box[:2], box[2:], others) if box is not None else reachable_box(mechanism, others)
     found = workspace_map(mechanism, working_mode, ranges, (nodes, nodes))
@@ -122,7 +122,7 @@ def _at(further: tuple[Coordinate, ...], values: tuple[float, ...]) -> str:
     return f" at {', '.join(said)}" if said else ""
 
 
-def _draw_joints(machine: Robot, what: str, ranges: Box, nodes: int, target: Path) -> None:
+def _draw_joints(machine: Robot, what: str, ranges: Box, nodes: int, target: Path, as_json: bool) -> None:
     assembly = machine.mechanism.usual_assembly_mode
     found = joint_map(machine.mechanism, assembly, ranges, (nodes, nodes))
     if target.suffix == ".npz":
@@ -135,6 +135,9 @@ def _draw_joints(machine: Robot, what: str, ranges: Box, nodes: int, target: Pat
         title = f"{machine.name}, assembly mode {assembly:+d}: {what}{further}"
         draw_map(found, what, title, (), nowhere, None, target, nowhere)
     share = float(np.isfinite(found.type1).mean())
+    if as_json:
+        print_json({"assembly_mode": assembly, "assembled_share": share, "file": target})
+        return
     out.print(f"assembled in mode {assembly:+d}: {share:.1%} of the map")
     out.print(f"written to {target}")
 

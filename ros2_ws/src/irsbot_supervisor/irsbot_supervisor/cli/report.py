@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from irsbot_kinematics import BadInput
-from irsbot_supervisor.cli.common import existing, out
+from irsbot_supervisor.cli.common import existing, out, print_json
 from irsbot_supervisor.cli.replay import (
     MechanismOption,
     NamespaceOption,
@@ -42,6 +42,7 @@ def report(
     settings: SettingsOption = None,
     namespace: NamespaceOption = None,
     mechanism: MechanismOption = None,
+    as_json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
 ) -> None:
     """Write one self-contained page about a run: picture, chapters, smallest margins, settings, replay.
 
@@ -54,7 +55,10 @@ def report(
     judged = judge_again(recording, assumption(robot, settings, story), files_of(mechanism))
     found = outcome(recording, Expectation(stop=False))
     target.write_text(_page(bag, recording, judged, found), encoding="utf-8")
-    out.print(f"written to {target}")
+    if as_json:
+        print_json({"bag": bag, "robot": judged.robot, "file": target})
+    else:
+        out.print(f"written to {target}")
 
 
 def _page(bag: Path, recording: Recording, judged: Judged, found: Outcome) -> str:
