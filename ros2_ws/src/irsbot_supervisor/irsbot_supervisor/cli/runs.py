@@ -135,7 +135,9 @@ def up(
     robot: Annotated[str, typer.Option(help="preset or YAML file")] = "irsbot2",
     namespace: Annotated[str, typer.Option(help="namespace of all nodes and topics")] = "",
     params: Annotated[Path | None, typer.Option(help="ROS parameter file for all nodes")] = None,
-    scenario: Annotated[str, typer.Option(help="what the simulated joints do")] = "pick_and_place",
+    scenario: Annotated[
+        str | None, typer.Option(help="what the simulated joints do; pick_and_place, or stand with --gate")
+    ] = None,
     folder: Annotated[Path | None, typer.Option("--out", help="folder for the bag; a new one under runs/")] = None,
     domain: Annotated[int, typer.Option(help="DDS domain", envvar="ROS_DOMAIN_ID")] = 0,
     gate: Annotated[
@@ -152,8 +154,9 @@ def up(
     Example: irsbot up --robot irsbot2 --namespace left
     """
     machine = robot_of(robot)
-    if not gate:
-        read_scenario(scenario, machine)
+    scenario = scenario or (STANDING if gate else "pick_and_place")
+    if not read_scenario(scenario, machine).stands and gate:
+        refuse(f"with --gate the joints move by command alone: '{scenario}' moves them, give stand or none")
     if domain not in DDS_DOMAINS:
         refuse(f"the DDS domain must be in {DDS_DOMAINS[0]}..{DDS_DOMAINS[-1]}, got {domain}")
     place = namespace.strip("/")
@@ -171,7 +174,7 @@ def up(
         suite.start(Node("recorder", RECORDER, {"output": str(target / BAG)}))
         suite.start(Node("kinematics", KINEMATICS, {"robot": robot}))
         suite.start(Node("supervisor", SUPERVISOR, {"robot": robot}))
-        drives = {"robot": robot, "scenario": STANDING if gate else scenario, "gated": gate, "listeners": LISTENERS}
+        drives = {"robot": robot, "scenario": scenario, "gated": gate, "listeners": LISTENERS}
         suite.start(Node("simulated_joints", JOINTS, drives, GATED if gate else {}))
         out.print(f"up on DDS domain {domain}, logs and bag under {target}; Ctrl-C ends it")
         _watch_over(suite)

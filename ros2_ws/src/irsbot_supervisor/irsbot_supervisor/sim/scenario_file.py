@@ -13,6 +13,9 @@
     run:                                             # once, after the cycles
       - {to: [[0.0, -0.45]]}
     faults: "nan:count=10,at=2.0"
+    elsewhere: cycle                                 # `stand` or `cycle`: a robot whose numbers are not in `robots`, or
+                                                     # of other lengths than the shipped one of its name, stands or
+                                                     # works about its own roomiest posture
 
 A piece is a stroke along poses (`by`: displacements, `to`: poses; straight in task space, corners rounded), a swing
 straight in joint space to a pose in any working mode (`swing_to`, `working_mode`), or a rest (`wait`, s). Strokes and
@@ -35,10 +38,12 @@ from irsbot_msgs_py.records import Cause
 
 from .errors import BadFault, BadScenario
 from .faults import parse_faults
+from .own_workspace import cycle_of, is_shipped, start_of
 from .scenarios import Expectation, Piece, Scenario, Stroke, Swing, Wait
 
 _FOR_ROBOT = {"expect", "start", "working_mode", "cycle", "seconds", "run", "faults"}
-_TOP = {"description", "robots"} | _FOR_ROBOT
+_TOP = {"description", "robots", "elsewhere"} | _FOR_ROBOT
+_ELSEWHERE = ("stand", "cycle")
 _PIECES = {
     "by": {"rounding_m", "speed"},
     "to": {"rounding_m", "speed"},
@@ -61,10 +66,13 @@ def scenario_robots(name_or_path: str) -> tuple[str, ...]:
 def read_scenario(name_or_path: str, robot: Robot | None = None) -> Scenario:
     """A shipped scenario by name, or one from a YAML file, for a robot; without one, for its default robot.
 
-    A robot that the file does not name takes the entry of its topology. Raises BadScenario.
+    A robot that the file does not name takes the entry of its topology; where the file says `elsewhere`, and the robot
+    is not the shipped one of that name, it works in its own workspace. Raises BadScenario.
     """
     name, place, said = _read(name_or_path)
     robots: Mapping[str, Any] = said["robots"]
+    if robot is not None and "elsewhere" in said and not (robot.name in robots and is_shipped(robot)):
+        return _in_own_workspace(name, said, robot, place)
     wanted = next(iter(robots)) if robot is None else robot.name
     entry = wanted if wanted in robots or robot is None else robot.mechanism.kind
     if entry not in robots:
@@ -86,6 +94,26 @@ def read_scenario(name_or_path: str, robot: Robot | None = None) -> Scenario:
         seconds=_number(merged.get("seconds", float("inf")), f"{where}: seconds", endless=True),
         run=_pieces(merged.get("run"), f"{where}: run"),
         faults=_faults(merged.get("faults", ""), where),
+    )
+
+
+def _in_own_workspace(name: str, said: Mapping[str, Any], robot: Robot, place: str) -> Scenario:
+    what = said["elsewhere"]
+    if what not in _ELSEWHERE:
+        raise BadScenario(f"{place}: elsewhere is {what!r}, must be {' or '.join(_ELSEWHERE)}")
+    start, cycle = (start_of(robot), ()) if what == "stand" else cycle_of(robot)
+    run = () if cycle else (Wait(0.0),)
+    description = str(said.get("description", "")) if what == "stand" else "there and back about its roomiest posture"
+    expect = _expectation(said.get("expect"), place)
+    return Scenario(
+        name,
+        description,
+        robot.name,
+        expect,
+        start,
+        cycle=cycle,
+        run=run,
+        faults=_faults(said.get("faults", ""), place),
     )
 
 

@@ -80,6 +80,11 @@ class Scenario:
     faults: str = ""
     """A fault line, see `faults`."""
 
+    @property
+    def stands(self) -> bool:
+        """Whether the robot moves by command alone."""
+        return all(isinstance(piece, Wait) for piece in (*self.cycle, *self.run))
+
 
 def plan(
     scenario: Scenario, mechanism: Mechanism, limits: JointLimits, *, speed: float = 1.0, seconds: float | None = None
