@@ -26,31 +26,34 @@ CHUNK = 16384
 
 @dataclass(frozen=True)
 class Evaluations:
-    """Margins of N postures; rows are NaN where `status` is not SOLVED. Fields as in SingularityState.msg."""
+    """Margins of N postures; rows are NaN where `status` is not SOLVED. Fields as in SingularityState.msg.
+
+    status: (N,) values of `Status`.
+    joint_position: (N, n) rad or m.
+    pose: (N, m) m or rad.
+    assembly_mode: label for which the joints were solved.
+    working_mode: (N, n) signs.
+    type1_margin: (N, n) 0..1.
+    type2_margin: (N,) 0..1.
+    constraint_margin: (N,) 0..1, NaN where the mechanism has none.
+    limb_margin: (N, number of limbs with a margin of their own) 0..1.
+    pressure_angle: (N, n) rad.
+    reach: (N,) m to the workspace boundary.
+    closure_residual: (N,) m.
+    """
 
     status: NDArray[np.uint8]
-    """(N,) values of `Status`."""
     joint_position: Array
-    """(N, n) rad or m."""
     pose: Array
-    """(N, m) m or rad."""
     assembly_mode: int
     working_mode: NDArray[np.int8]
-    """(N, n) signs."""
     type1_margin: Array
-    """(N, n) 0..1."""
     type2_margin: Array
-    """(N,) 0..1."""
     constraint_margin: Array
-    """(N,) 0..1, NaN where the mechanism has none."""
     limb_margin: Array
-    """(N, number of limbs with a margin of their own) 0..1."""
     pressure_angle: Array
-    """(N, n) rad."""
     reach: Array
-    """(N,) m to the workspace boundary."""
     closure_residual: Array
-    """(N,) m."""
 
 
 def evaluate_many(mechanism: Mechanism, joints: Array, assembly: int) -> Evaluations:

@@ -22,7 +22,21 @@ from irsbot_kinematics.tolerances import FARTHEST, REACH_TOL_M
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Margins of one posture; the fields and units of SingularityState.msg."""
+    """Margins of one posture; the fields and units of SingularityState.msg.
+
+    joint_position: (n,) joint positions, rad or m.
+    pose: (m,) task coordinates, m or rad.
+    working_mode: sign per leg, 0 where it has none.
+    assembly_mode: label of the assembly mode.
+    type1_margin: (n,) of every leg, 0..1: 0 where it is straight or folded.
+    type2_margin: 0..1: 0 where the legs do not hold the platform.
+    constraint_margin: 0..1: 0 where the legs lose a constraint together; NaN where they cannot.
+    limb_margin: of every limb that can lose a constraint of its own, 0..1.
+    clearance: m the platform may move in any direction before the nearest singularity: a lower bound.
+    pressure_angle: (n,) rad, of every leg.
+    reaction_max: (n,) N: largest force of every leg under the load of the question, in its worst direction.
+    closure_residual: m: largest error of closure.
+    """
 
     joint_position: Floats
     pose: Floats
@@ -42,6 +56,10 @@ class Robot:
     """One machine. Poses are (m,) task coordinates, joints (n,) joint positions, SI units and radians.
 
     Modes left out mean the robot's usual ones.
+
+    mechanism: the equations, and `joints`, `task`, `working_modes`, `assembly_modes`, `geometry`, see `Mechanism`.
+    name, description: as the robot's file says.
+    supervision: settings of the supervisor that belong to this machine, by name.
     """
 
     def __init__(
@@ -77,7 +95,7 @@ class Robot:
         return np.array(q)
 
     def inverse_all(self, pose: ArrayLike) -> list[Array]:
-        """Joint positions of a pose in every working mode that reaches it, in the order of `working_modes`."""
+        """Joint positions of a pose in every working mode that reaches it, ordered as `mechanism.working_modes`."""
         solutions = []
         for mode in self.mechanism.working_modes:
             try:
@@ -91,7 +109,7 @@ class Robot:
         return np.array(self.posture(joints, assembly_mode).pose)
 
     def direct_all(self, joints: ArrayLike) -> list[Array]:
-        """Poses of joint positions in every assembly mode that exists, in the order of `assembly_modes`."""
+        """Poses of joint positions in every assembly mode that exists, in the order of `mechanism.assembly_modes`."""
         solutions = []
         for mode in self.mechanism.assembly_modes:
             try:
