@@ -56,6 +56,11 @@ def has_columns(path: Path, names: list[str]) -> bool:
     return path.suffix == ".csv" and set(names) <= set(_table(path, 1).columns)
 
 
+def column_names(path: Path) -> list[str]:
+    """Names of a CSV table's columns. Raises BadInput."""
+    return _table(path, 1).columns
+
+
 def _table(path: Path, rows: int | None = None) -> pl.DataFrame:
     """The first rows of a CSV table, or all of them, as texts."""
     try:

@@ -24,6 +24,7 @@ from irsbot_supervisor.cli import (
     limits,
     map,
     mechanism,
+    operate,
     replay,
     report,
     runs,
@@ -50,6 +51,9 @@ app.command("dk", context_settings=NUMBERS)(kinematics.direct)
 app.command("evaluate")(kinematics.evaluate)
 app.command("replay")(replay.replay)
 app.command("check-trajectory")(check.check_trajectory)
+app.command("verdict")(operate.verdict)
+app.command("reset")(operate.reset)
+app.command("set", context_settings=NUMBERS)(operate.set_)
 app.command("check-mechanism")(mechanism.check_mechanism)
 app.command("info")(bags.info)
 app.command("salvage")(bags.salvage)
@@ -61,13 +65,13 @@ app.command("faults")(faults.faults)
 app.command("map")(map.draw)
 app.command("stiffness", context_settings=NUMBERS)(stiffness.show)
 design.app.command("size")(sizing.size)
-for name, group in (("design", design.app), ("algebra", algebra.app)):
+for name, group in (("send", operate.app), ("design", design.app), ("algebra", algebra.app)):
     app.add_typer(group, name=name, short_help=str(group.info.help).partition("\n")[0].rstrip("."))
 
 
 def _commands() -> Iterator[CommandInfo]:
     """Every command, those of groups too."""
-    for group in (app, design.app, algebra.app):
+    for group in (app, operate.app, design.app, algebra.app):
         yield from group.registered_commands
 
 
