@@ -8,6 +8,7 @@ from math import isfinite, tau
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from irsbot_kinematics import statics
 from irsbot_kinematics.arithmetic import ARRAYS, Array
@@ -53,10 +54,15 @@ class Map:
     def area(self) -> float:
         """Reached area, in the square of the unit of the axes: every node for its part of the box, half a cell at an
         edge of the box and a quarter at a corner."""
-        parts = [np.full(len(axis), axis[1] - axis[0]) for axis in (self.first, self.second)]
-        for part in parts:
-            part[[0, -1]] *= 0.5
-        return float(parts[1] @ np.isfinite(self.type1) @ parts[0])
+        return area_where(np.isfinite(self.type1), self.first, self.second)
+
+
+def area_where(holds: NDArray[np.bool_], first: Array, second: Array) -> float:
+    """Area of the nodes (len(second), len(first)) of an even grid at which something holds."""
+    parts = [np.full(len(axis), axis[1] - axis[0]) for axis in (first, second)]
+    for part in parts:
+        part[[0, -1]] *= 0.5
+    return float(parts[1] @ holds @ parts[0])
 
 
 class Locus(NamedTuple):

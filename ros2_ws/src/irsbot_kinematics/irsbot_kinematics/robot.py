@@ -15,6 +15,7 @@ from irsbot_kinematics import batch, statics
 from irsbot_kinematics.arithmetic import FLOATS, Array
 from irsbot_kinematics.batch import Evaluations
 from irsbot_kinematics.errors import BadInput, NotAssembled, Unreachable
+from irsbot_kinematics.forces import Load
 from irsbot_kinematics.mechanism import Cuspidal, Floats, Mechanism, Posture, Signs, Status
 from irsbot_kinematics.robot_file import RobotFile, preset_names, read_robot
 from irsbot_kinematics.tolerances import FARTHEST, REACH_TOL_M
@@ -153,10 +154,21 @@ class Robot:
             closure_residual=at.residual,
         )
 
-    def evaluate_many(self, joints: ArrayLike, assembly_mode: int | None = None) -> Evaluations:
-        """Poses and margins of many joint positions (N, n): arrays, NaN and a status where not assembled."""
+    def evaluate_many(
+        self,
+        joints: ArrayLike,
+        assembly_mode: int | None = None,
+        *,
+        force: float | None = None,
+        moment: float = 0.0,
+    ) -> Evaluations:
+        """Poses and margins of many joint positions (N, n): arrays, NaN and a status where not assembled.
+
+        force (N), moment (N m): the load of `reaction_max`, which is left out without a force. Raises BadInput.
+        """
         Q = _table(joints, len(self.mechanism.joints), "joints")
-        return batch.evaluate_many(self.mechanism, Q, self._assembly(assembly_mode))
+        load = None if force is None else (Load(force, moment, 0.0).force_n, moment)
+        return batch.evaluate_many(self.mechanism, Q, self._assembly(assembly_mode), load)
 
     def inverse_many(
         self, poses: ArrayLike, working_mode: Sequence[int] | None = None

@@ -104,6 +104,8 @@ def evaluate(
     source: Annotated[Path, typer.Option("--input", help="CSV with one column per joint, or an MCAP bag")],
     target: Annotated[Path, typer.Option("--output", help="CSV or Parquet file to write")],
     assembly: Annotated[int | None, typer.Option(help="assembly mode; the usual one if left out")] = None,
+    load: Annotated[float | None, typer.Option(help="N of any direction: largest leg forces as well")] = None,
+    moment: Annotated[float, typer.Option(help="N m of either sign, with --load")] = 0.0,
     as_json: AsJson = False,
 ) -> None:
     """Margins of many joint samples at once.
@@ -115,7 +117,7 @@ def evaluate(
     machine = robot_named(robot)
     names = [joint.name for joint in machine.mechanism.joints]
     joints, times = read_joint_columns(existing(source, "the input"), names)
-    found = machine.evaluate_many(joints, assembly)
+    found = machine.evaluate_many(joints, assembly, force=load, moment=moment)
     columns: dict[str, Any] = {"time_s": times} if times is not None else {}
     columns |= {name: joints[:, i] for i, name in enumerate(names)}
     columns |= {coordinate.name: found.pose[:, i] for i, coordinate in enumerate(machine.mechanism.task)}
@@ -123,6 +125,7 @@ def evaluate(
     columns |= {"type2_margin": found.type2_margin, "constraint_margin": found.constraint_margin}
     columns |= {f"limb_margin_{i + 1}": column for i, column in enumerate(found.limb_margin.T)}
     columns |= {f"pressure_angle_{i + 1}": column for i, column in enumerate(found.pressure_angle.T)}
+    columns |= {f"reaction_max_{i + 1}": column for i, column in enumerate(found.reaction_max.T)}
     columns |= {"reach_m": found.reach, "status": found.status}
     write_columns(target, columns)
     solved = int(np.count_nonzero(found.status == 0))

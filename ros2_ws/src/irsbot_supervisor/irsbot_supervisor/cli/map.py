@@ -12,6 +12,7 @@ import typer
 from irsbot_kinematics import BadInput, Robot
 from irsbot_kinematics.arithmetic import Array
 from irsbot_kinematics.design.rectangle import Limits, Rectangle
+from irsbot_kinematics.forces import Load
 from irsbot_kinematics.maps import (
     QUANTITIES,
     Box,
@@ -28,7 +29,11 @@ from irsbot_kinematics.maps import (
 from irsbot_kinematics.mechanism import Coordinate
 from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2
 from irsbot_kinematics.mechanisms.planar_pair import PlanarPair
-from irsbot_supervisor.cli.common import out, print_json, robot_named, sign_text, signs
+from irsbot_supervisor.cli.common import numbers, out, print_json, robot_named, sign_text, signs
+from irsbot_supervisor.cli.map_forces import draw_forces
+
+FORCE = "force"
+"""What is mapped besides margins."""
 
 TURN = (-pi, pi)
 """rad: one turn of a crank, the default range of a joint map."""
@@ -36,7 +41,7 @@ TURN = (-pi, pi)
 
 def draw(
     robot: Annotated[str, typer.Argument(help="preset name or YAML file")],
-    what: Annotated[str, typer.Option(help=f"one of {', '.join(QUANTITIES)}")] = "type2",
+    what: Annotated[str, typer.Option(help=f"one of {', '.join((*QUANTITIES, FORCE))}")] = "type2",
     target: Annotated[Path, typer.Option("-o", "--output", help=".png for a picture, .npz for the numbers")] = Path(
         "map.png"
     ),
@@ -49,15 +54,25 @@ def draw(
         bool, typer.Option("--joints", help="over the first two joints, usual assembly mode")
     ] = False,
     at: Annotated[list[float] | None, typer.Option(help="value of a further coordinate; once for each")] = None,
+    load: Annotated[float, typer.Option(help="of --what force: N, of any direction")] = 10.0,
+    moment: Annotated[float, typer.Option(help="likewise: N m, of either sign")] = 0.0,
+    admissible: Annotated[float | None, typer.Option(help="likewise: N that a leg may carry")] = None,
+    centre: Annotated[
+        str | None, typer.Option(help="likewise: pose, as 0,-0.8, around which the force workspace is found")
+    ] = None,
     nodes: Annotated[int, typer.Option(help="nodes of the grid along each axis", min=2, max=4000)] = 400,
     as_json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
 ) -> None:
     """Map a margin over the workspace of one working mode, with loci, constraint points and the free rectangle.
 
+    With --what force: the largest leg force under a load of any direction, and where it stays admissible.
+
     Example: irsbot map irsbot2_beta45 --what type2 -o map.png
     """
-    if what not in QUANTITIES:
-        raise BadInput(f"--what is '{what}', must be one of {', '.join(QUANTITIES)}")
+    if what not in (*QUANTITIES, FORCE):
+        raise BadInput(f"--what is '{what}', must be one of {', '.join((*QUANTITIES, FORCE))}")
+    if what != FORCE and (admissible is not None or centre is not None):
+        raise BadInput("--admissible and --centre belong to --what force")
     if target.suffix not in (".png", ".npz"):
         raise BadInput(f"cannot write '{target}': the suffix must be .png or .npz")
     machine = robot_named(robot)
@@ -66,6 +81,15 @@ def draw(
     if working_mode not in mechanism.working_modes:
         raise BadInput(f"working mode {sign_text(working_mode)} has {len(working_mode)} signs, {robot} has other modes")
     others = tuple(at or ())
+    if what == FORCE:
+        if joint_space or admissible is None:
+            raise BadInput("--what force wants --admissible N, and maps poses, not --joints")
+        ranges = Box(box[:2], box[2:], others) if box is not None else reachable_box(mechanism, others)
+        wanted = Load(load, moment, admissible)
+        parts = centre.split(",") if centre is not None else []
+        pose = numbers(parts, "--centre", len(mechanism.task)) if parts else None
+        draw_forces(machine, working_mode, ranges, (nodes, nodes), wanted, pose, target, as_json)
+        return
     if joint_space:
         _draw_joints(machine, what, Box(*((box[:2], box[2:]) if box else (TURN, TURN)), others), nodes, target, as_json)
         return
