@@ -83,7 +83,7 @@ def run(place: Place, arguments: Sequence[str]) -> int:
         become([place.interpreter, *rest], env)
     if command == "shell":
         open_shell(place, rest, env)
-    become([place.interpreter, "-m", "irsbot_supervisor", *arguments], env)
+    become([place.interpreter, "-m", "irsbot_supervisor", *arguments], {**env, "IRSBOT_COMMAND": "./irsbot"})
 
 
 def open_shell(place: Place, arguments: Sequence[str], env: Mapping[str, str]) -> NoReturn:

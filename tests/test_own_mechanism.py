@@ -32,11 +32,17 @@ def test_the_mechanism_of_the_documentation_keeps_every_law() -> None:
 WRONG = {
     "sign of a screw": ("screws.append((rx, ry, ax * ry - ay * rx))", "screws.append((rx, -ry, ax * ry - ay * rx))"),
     "sign of a lever": ("sines.append(-(rx * ux + ry * uy))", "sines.append(rx * ux + ry * uy)"),
+    "small radius": ("self.radius = self.span", "self.radius = 0.3 * g.b\n        self.span"),
+    "small span": ("self.radius = self.span =", "self.span = 0.1 * g.b\n        self.radius ="),
+    "slow rods": ("max([1.0 / (l", "max([0.1 / (l"),
     "optimistic bound": ("drives = [abs(lever) * t + ends", "drives = [0.1 * abs(lever) * t + ends"),
 }
 LAW = {
     "sign of a screw": "Jacobian by pose",
     "sign of a lever": "Jacobian by joints",
+    "small radius": "sizes are as declared",
+    "small span": "sizes are as declared",
+    "slow rods": "turn rate is as declared",
     "optimistic bound": "guarantee is kept",
 }
 

@@ -26,35 +26,43 @@ CHUNK = 16384
 
 @dataclass(frozen=True)
 class Evaluations:
-    """Margins of N postures; rows are NaN where `status` is not SOLVED. Fields as in SingularityState.msg."""
+    """Margins of N postures; rows are NaN where `status` is not SOLVED. Fields as in SingularityState.msg.
+
+    status: (N,) values of `Status`.
+    joint_position: (N, n) rad or m.
+    pose: (N, m) m or rad.
+    assembly_mode: label for which the joints were solved.
+    working_mode: (N, n) signs.
+    type1_margin: (N, n) 0..1.
+    type2_margin: (N,) 0..1.
+    constraint_margin: (N,) 0..1, NaN where the mechanism has none.
+    limb_margin: (N, number of limbs with a margin of their own) 0..1.
+    pressure_angle: (N, n) rad.
+    reach: (N,) m to the workspace boundary.
+    closure_residual: (N,) m.
+    reaction_max: (N, n) N, largest force of every leg under a load in its worst direction; (N, 0) where no load was
+        asked for.
+    """
 
     status: NDArray[np.uint8]
-    """(N,) values of `Status`."""
     joint_position: Array
-    """(N, n) rad or m."""
     pose: Array
-    """(N, m) m or rad."""
     assembly_mode: int
     working_mode: NDArray[np.int8]
-    """(N, n) signs."""
     type1_margin: Array
-    """(N, n) 0..1."""
     type2_margin: Array
-    """(N,) 0..1."""
     constraint_margin: Array
-    """(N,) 0..1, NaN where the mechanism has none."""
     limb_margin: Array
-    """(N, number of limbs with a margin of their own) 0..1."""
     pressure_angle: Array
-    """(N, n) rad."""
     reach: Array
-    """(N,) m to the workspace boundary."""
     closure_residual: Array
-    """(N,) m."""
+    reaction_max: Array
 
 
-def evaluate_many(mechanism: Mechanism, joints: Array, assembly: int) -> Evaluations:
-    """Poses and margins of joints (N, n) in one assembly mode."""
+def evaluate_many(
+    mechanism: Mechanism, joints: Array, assembly: int, load: tuple[float, float] | None = None
+) -> Evaluations:
+    """Poses and margins of joints (N, n) in one assembly mode. load: force, N, and moment, N m, of any direction."""
     number, n = joints.shape
     result = Evaluations(
         status=np.full(number, Status.INVALID, np.uint8),
@@ -69,14 +77,22 @@ def evaluate_many(mechanism: Mechanism, joints: Array, assembly: int) -> Evaluat
         pressure_angle=np.full((number, n), np.nan),
         reach=np.full(number, np.nan),
         closure_residual=np.full(number, np.nan),
+        reaction_max=np.full((number, n if load else 0), np.nan),
     )
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         for rows in _chunks(number):
-            _evaluate(mechanism, joints[rows], assembly, result, rows)
+            _evaluate(mechanism, joints[rows], assembly, result, rows, load)
     return result
 
 
-def _evaluate(mechanism: Mechanism, joints: Array, assembly: int, out: Evaluations, rows: slice) -> None:
+def _evaluate(
+    mechanism: Mechanism,
+    joints: Array,
+    assembly: int,
+    out: Evaluations,
+    rows: slice,
+    load: tuple[float, float] | None,
+) -> None:
     found = _solve(mechanism, joints, assembly)
     pose, legs = found.pose, found.legs
     _, cosines = statics.pressure_cosines(ARRAYS, legs.screws, legs.arms)
@@ -102,6 +118,10 @@ def _evaluate(mechanism: Mechanism, joints: Array, assembly: int, out: Evaluatio
         out.limb_margin[rows, column] = margin
     out.reach[rows] = reach
     out.closure_residual[rows] = found.residual
+    if load:
+        sizes = statics.reaction_max(ARRAYS, legs.screws, *load, turns=bool(legs.arms))
+        for column, size in enumerate(sizes):
+            out.reaction_max[rows, column] = size
 
 
 class _Solved(NamedTuple):

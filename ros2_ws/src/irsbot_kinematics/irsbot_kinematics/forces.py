@@ -36,16 +36,18 @@ class Load:
 
 @dataclass(frozen=True)
 class LegPressure:
-    """How one leg holds the platform while it alone yields ([S2], section II)."""
+    """How one leg holds the platform while it alone yields ([S2], section II).
+
+    angle_rad: alpha: between the leg's force and the velocity of the point that it holds.
+    centre_m: Instantaneous centre of the platform seen from the platform point; infinite where it does not turn.
+    distance_m: d: from the point held to the centre (in space: that point's velocity over the turn rate).
+    gamma: Speed of the platform point over that of the point held: |P I|/d.
+    """
 
     angle_rad: float
-    """alpha: between the leg's force and the velocity of the point that it holds."""
     centre_m: tuple[float, float]
-    """Instantaneous centre of the platform seen from the platform point; infinite where it does not turn."""
     distance_m: float
-    """d: from the point held to the centre (in space: that point's velocity over the turn rate)."""
     gamma: float
-    """Speed of the platform point over that of the point held: |P I|/d."""
 
     def reaction_max(self, force_n: float, moment_nm: float = 0.0) -> float:
         """[S2] (8): (gamma f + |m|/d)/cos alpha, N. `statics.reaction_max` gives the same without these detours."""
@@ -74,14 +76,39 @@ def pressure(legs: Legs[float]) -> tuple[LegPressure, ...]:
 
 
 def reaction_max_many(mechanism: Mechanism, poses: ArrayLike, mode: Signs, load: Load) -> Array:
-    """Largest force of every leg, (N, n) in N, at poses (N, m) in one working mode; NaN out of reach."""
-    x = tuple(np.ascontiguousarray(column) for column in np.asarray(poses, dtype=float).T)
+    """Largest force of every leg, (N, n) in N, at poses (N, m) in one working mode; NaN out of reach.
+
+    Raises BadInput.
+    """
+    known = mechanism.working_modes
+    if mode not in known:
+        raise BadInput(f"working mode {mode!r} is not one of {known}")
+    x = tuple(np.ascontiguousarray(column) for column in _poses(mechanism, poses).T)
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         q, reach = mechanism.inverse(ARRAYS, x, mode)
         legs = mechanism.legs(ARRAYS, q, x)
         sizes = statics.reaction_max(ARRAYS, legs.screws, load.force_n, load.moment_nm, turns=bool(legs.arms))
         reached = np.minimum.reduce(reach) >= -REACH_TOL_M
         return np.where(reached[:, None], np.stack(sizes, axis=1), np.nan)
+
+
+def _poses(mechanism: Mechanism, poses: ArrayLike) -> Array:
+    """(N, m) finite numbers. Raises BadInput."""
+    try:
+        found = np.asarray(poses, dtype=float)
+    except (TypeError, ValueError):
+        raise BadInput(f"poses must be numbers, got {poses!r}") from None
+    if found.ndim != 2 or found.shape[1] != len(mechanism.task):
+        raise BadInput(f"poses must be numbers of shape (N, {len(mechanism.task)}), got shape {found.shape}")
+    return found
+
+
+def _centre(mechanism: Mechanism, centre: Sequence[float]) -> Array:
+    """(m,) finite numbers. Raises BadInput."""
+    pose: Array = _poses(mechanism, [centre])[0]
+    if not np.isfinite(pose).all():
+        raise BadInput(f"the centre must be finite, got {tuple(centre)}")
+    return pose
 
 
 def admissible(mechanism: Mechanism, poses: ArrayLike, mode: Signs, load: Load) -> NDArray[np.bool_]:
@@ -92,12 +119,14 @@ def admissible(mechanism: Mechanism, poses: ArrayLike, mode: Signs, load: Load) 
 
 @dataclass(frozen=True)
 class ForceWorkspace:
-    """Boundary of the poses around a centre that carry a load, in polar coordinates."""
+    """Boundary of the poses around a centre that carry a load, in polar coordinates.
+
+    angle_rad: (K,) evenly spaced over a turn, from the first of the two coordinates to the second.
+    radius_m: (K,) to the first pose that does not carry the load or is out of reach; 0 where the centre does not.
+    """
 
     angle_rad: Array
-    """(K,) evenly spaced over a turn, from the first of the two coordinates to the second."""
     radius_m: Array
-    """(K,) to the first pose that does not carry the load or is out of reach; 0 where the centre does not."""
 
     @property
     def area_m2(self) -> float:
@@ -125,7 +154,7 @@ def force_workspace(
     angle: Array = np.arange(rays, dtype=np.float64) * (tau / rays)
     ways = np.zeros((rays, len(mechanism.task)))
     ways[:, plane[0]], ways[:, plane[1]] = np.cos(angle), np.sin(angle)
-    start = np.asarray(centre, dtype=float)
+    start = _centre(mechanism, centre)
 
     def carries(radius: Array, on: NDArray[np.int64]) -> NDArray[np.bool_]:
         return admissible(mechanism, start + radius[:, None] * ways[on], mode, load)
@@ -157,6 +186,6 @@ def reaction_map(
 ) -> Array:
     """Largest leg force (len(second), len(first), n) in N over a grid of two task coordinates; NaN out of reach."""
     first, second = np.meshgrid(np.asarray(first_m, dtype=float), np.asarray(second_m, dtype=float))
-    poses = np.tile(np.asarray(centre, dtype=float), (first.size, 1))
+    poses = np.tile(_centre(mechanism, centre), (first.size, 1))
     poses[:, plane[0]], poses[:, plane[1]] = first.ravel(), second.ravel()
     return reaction_max_many(mechanism, poses, mode, load).reshape(*first.shape, -1)

@@ -31,30 +31,33 @@ SAME_POSE = 1e-6
 
 @dataclass(frozen=True)
 class LoopResult:
-    """What became of a joint path followed on one branch."""
+    """What became of a joint path followed on one branch.
+
+    certified: Every step was proved: one branch, no Type 2 singularity on the way.
+    closed: The joints have come back, whole turns aside.
+    changed: The joints have come back and the platform has not: another assembly mode.
+    start: Pose at the start.
+    end: Pose at the end of what was followed: the branch.
+    working_mode_kept: No lever changed its sign at the path's points; True where the robot has no such margin.
+    smallest_det: Smallest |det A| at the path's points, in the units of the screws (robot) or the equations
+        (system).
+    smallest_type2: Smallest Type 2 margin at the path's points, 0..1; NaN for a system.
+    smallest_type1: Smallest Type 1 margin at the path's points, 0..1; NaN for a system.
+    lost_at: Index of the path point after which the branch was lost; None if it never was.
+    steps: Proved steps; the number of path segments for a robot.
+    """
 
     certified: bool
-    """Every step was proved: one branch, no Type 2 singularity on the way."""
     closed: bool
-    """The joints have come back, whole turns aside."""
     changed: bool
-    """The joints have come back and the platform has not: another assembly mode."""
     start: Array
-    """Pose at the start."""
     end: Array
-    """Pose at the end of what was followed: the branch."""
     working_mode_kept: bool
-    """No lever changed its sign at the path's points; True where the robot has no such margin."""
     smallest_det: float
-    """Smallest |det A| at the path's points, in the units of the screws (robot) or the equations (system)."""
     smallest_type2: float
-    """Smallest Type 2 margin at the path's points, 0..1; NaN for a system."""
     smallest_type1: float
-    """Smallest Type 1 margin at the path's points, 0..1; NaN for a system."""
     lost_at: int | None
-    """Index of the path point after which the branch was lost; None if it never was."""
     steps: int
-    """Proved steps; the number of path segments for a robot."""
 
 
 def circle(

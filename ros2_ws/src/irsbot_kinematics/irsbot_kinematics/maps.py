@@ -8,6 +8,7 @@ from math import isfinite, tau
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from irsbot_kinematics import statics
 from irsbot_kinematics.arithmetic import ARRAYS, Array
@@ -51,9 +52,17 @@ class Map:
 
     @property
     def area(self) -> float:
-        """Reached area, in the square of the unit of the axes: nodes times the cell."""
-        cell = float((self.first[1] - self.first[0]) * (self.second[1] - self.second[0]))
-        return float(np.count_nonzero(np.isfinite(self.type1))) * cell
+        """Reached area, in the square of the unit of the axes: every node for its part of the box, half a cell at an
+        edge of the box and a quarter at a corner."""
+        return area_where(np.isfinite(self.type1), self.first, self.second)
+
+
+def area_where(holds: NDArray[np.bool_], first: Array, second: Array) -> float:
+    """Area of the nodes (len(second), len(first)) of an even grid at which something holds."""
+    parts = [np.full(len(axis), axis[1] - axis[0]) for axis in (first, second)]
+    for part in parts:
+        part[[0, -1]] *= 0.5
+    return float(parts[1] @ holds @ parts[0])
 
 
 class Locus(NamedTuple):
@@ -138,6 +147,25 @@ def loci(mechanism: PlanarPair, mode: Signs) -> tuple[Locus, ...]:
         along = start + length * np.linspace(0.0, 1.0, LOCUS_POINTS + 1)
         found.append(Locus("type2", np.column_stack((cx + l2 * np.cos(along), cz - l2 * np.sin(along)))))
     return (*found, *(_in_line(mechanism, mode, side, t) for side in (1.0, -1.0)))
+
+
+def type2_crossings(found: Map) -> Array:
+    """Points (N, 2) at which det A changes its sign between two neighbours of the grid: Type 2 poses of any mechanism,
+    by linear interpolation of the signed margin, and nodes at which it is zero.
+    Narrower places than a cell may be missed."""
+    signed = found.type2 * found.assembly
+    row, column = np.nonzero(signed == 0.0)
+    points = [np.column_stack((found.first[column], found.second[row]))]
+    for values, along, across, swapped in (
+        (signed, found.first, found.second, False),
+        (signed.T, found.second, found.first, True),
+    ):
+        with np.errstate(invalid="ignore"):
+            row, column = np.nonzero(values[:, :-1] * values[:, 1:] < 0.0)
+        before, after = values[row, column], values[row, column + 1]
+        at = along[column] + (along[column + 1] - along[column]) * before / (before - after)
+        points.append(np.column_stack((across[row], at) if swapped else (at, across[row])))
+    return np.concatenate(points)
 
 
 def constraint_points(mechanism: Irsbot2, mode: Signs) -> Array:

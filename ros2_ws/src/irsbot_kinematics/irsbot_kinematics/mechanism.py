@@ -32,7 +32,13 @@ class Status(IntEnum):
 
 
 class Coordinate(NamedTuple):
-    """One joint or task coordinate: its name, its unit (`rad` or `m`) and its open range."""
+    """One joint or task coordinate: its name, its unit (`rad` or `m`) and its open range.
+
+    name: as in messages and tables.
+    unit: 'rad' or 'm'.
+    lower: lower end of its open range.
+    upper: upper end.
+    """
 
     name: str
     unit: str
@@ -50,42 +56,66 @@ class Coordinate(NamedTuple):
 
 
 class Cuspidal(NamedTuple):
-    """Whether a robot can change its assembly mode without meeting a singularity."""
+    """Whether a robot can change its assembly mode without meeting a singularity.
+
+    answer: 'yes', 'no' or 'unknown'.
+    reason: how that is known.
+    lengths: Whether the answer holds for the shipped lengths alone, because a motion of that robot proves it.
+    """
 
     answer: str
-    """'yes', 'no' or 'unknown'."""
     reason: str
     lengths: bool = False
-    """Whether the answer holds for the shipped lengths alone, because a motion of that robot proves it."""
 
 
 @dataclass(slots=True)
 class Legs(Generic[N]):
-    """What the legs of one posture (N = float) or many (N = array) offer to the platform."""
+    """What the legs of one posture (N = float) or many (N = array) offer to the platform.
+
+    screws: Rows of A: unit actuation screws at the platform point; moments in metres.
+    levers: Diagonal of B: m/rad for a revolute actuator, 1 for a slide.
+    sines: Signed Type 1 measure of each leg, B_ii over its largest possible size: -1..1.
+    reach: m the platform is from the workspace boundary of each leg.
+    closure: m by which each leg fails to close.
+    constraint: Constraint margin, 0..1; None where the legs cannot lose a constraint together.
+    limb: Margin of each limb against losing a constraint of its own, 0..1.
+    parts: Numbers behind the margins that the mechanism's own guarantee starts from.
+    arms: Where each leg holds a platform that can turn, seen from the platform point, m; empty if it cannot turn.
+    """
 
     screws: tuple[tuple[N, ...], ...]
-    """Rows of A: unit actuation screws at the platform point; moments in metres."""
     levers: tuple[N, ...]
-    """Diagonal of B: m/rad for a revolute actuator, 1 for a slide."""
     sines: tuple[N, ...]
-    """Signed Type 1 measure of each leg, B_ii over its largest possible size: -1..1."""
     reach: tuple[N, ...]
-    """m the platform is from the workspace boundary of each leg."""
     closure: tuple[N, ...]
-    """m by which each leg fails to close."""
     constraint: N | None = None
-    """Constraint margin, 0..1; None where the legs cannot lose a constraint together."""
     limb: tuple[N, ...] = ()
-    """Margin of each limb against losing a constraint of its own, 0..1."""
     parts: tuple[N, ...] = ()
-    """Numbers behind the margins that the mechanism's own guarantee starts from."""
     arms: tuple[tuple[N, N], ...] = ()
-    """Where each leg holds a platform that can turn, seen from the platform point, m; empty if it cannot turn."""
 
 
 class Posture(NamedTuple):
     """One posture of one mechanism and all that is instantaneous about it. Where `status` is not SOLVED, the
-    numbers that are not determined are NaN."""
+    numbers that are not determined are NaN.
+
+    status: `Status`: SOLVED, or why not.
+    joints: (n,) rad or m.
+    pose: (m,) m or rad.
+    working_mode: sign per leg, 0 where it has none.
+    assembly_mode: label of the assembly mode; 0 where nothing is solved.
+    screws: (n, n) rows of A, see `Legs`.
+    levers: (n,) diagonal of B, see `Legs`.
+    sines: (n,) signed Type 1 measure, see `Legs`.
+    reach: (n,) m to the workspace boundary of each leg.
+    gaps: m: [0] assembly slack, 0 where two assembly modes meet; [1] distance from not determining the pose.
+    cos_pressure: Cosine of each leg's pressure angle, 0..1; the smallest is the Type 2 margin.
+    det: Determinant of the screws.
+    constraint: constraint margin, 0..1; NaN where there is none.
+    limb: margin of each limb of its own, 0..1.
+    residual: m: largest closure error.
+    arms: (n, 2) where each leg holds a platform that can turn, m; empty if it cannot turn.
+    parts: Numbers behind the margins that the mechanism's own guarantee starts from.
+    """
 
     status: Status
     joints: Floats
@@ -97,18 +127,13 @@ class Posture(NamedTuple):
     sines: Floats
     reach: Floats
     gaps: Floats
-    """m: [0] assembly slack, 0 where two assembly modes meet; [1] distance from not determining the pose."""
     cos_pressure: Floats
-    """Cosine of each leg's pressure angle, 0..1; the smallest is the Type 2 margin."""
     det: float
-    """Determinant of the screws."""
     constraint: float
     limb: Floats
     residual: float
-    """m: largest closure error."""
     arms: tuple[Floats, ...]
     parts: Floats
-    """Numbers behind the margins that the mechanism's own guarantee starts from."""
 
     @property
     def type1(self) -> Floats:
@@ -122,7 +147,13 @@ class Posture(NamedTuple):
 
 
 class Guarantee(NamedTuple):
-    """Lower bounds of the margins of a posture over all it can reach by a given travel of each joint."""
+    """Lower bounds of the margins of a posture over all it can reach by a given travel of each joint.
+
+    type1: (n,) of every leg.
+    type2: of all legs.
+    constraint: NaN where there is none.
+    limb: of every limb of its own.
+    """
 
     type1: Floats
     type2: float
@@ -134,26 +165,34 @@ class Mechanism(ABC):
     """A parallel robot. Instances hold a validated geometry and never change.
 
     The equations `inverse`, `direct` and `legs` are written once for floats and arrays (`Arithmetic`).
+
+    kind: Name of the topology, as in the registry and in YAML files.
+    geometry: Frozen dataclass of lengths (m) and angles (rad).
+    joints: every joint; their order is that of all joint positions.
+    task: every task coordinate; a turn of the platform comes last.
+    length_m: Characteristic length that makes moments comparable with forces.
+    working_modes: sign per leg, every combination that exists.
+    assembly_modes: labels, none of them 0.
+    usual_working_mode: which one robots run in if nothing else is said.
+    usual_assembly_mode: likewise.
+    labels_hold: Whether a branch keeps its assembly label over any motion free of Type 2; where not, only `track`
+        follows it.
+    cuspidal: Whether assembly modes are joined by motions free of singularities, and how that is known.
+    limb_count: How many limbs have a margin of their own.
     """
 
     kind: ClassVar[str]
-    """Name of the topology, as in the registry and in YAML files."""
     geometry: Any
-    """Frozen dataclass of lengths (m) and angles (rad)."""
     joints: tuple[Coordinate, ...]
     task: tuple[Coordinate, ...]
     length_m: float
-    """Characteristic length that makes moments comparable with forces."""
     working_modes: tuple[Signs, ...]
     assembly_modes: tuple[int, ...]
     usual_working_mode: Signs
     usual_assembly_mode: int
     labels_hold: ClassVar[bool] = True
-    """Whether a branch keeps its assembly label over any motion free of Type 2; where not, only `track` follows it."""
     cuspidal: ClassVar[Cuspidal] = Cuspidal("unknown", "not examined")
-    """Whether assembly modes are joined by motions free of singularities, and how that is known."""
     limb_count: int = 0
-    """How many limbs have a margin of their own."""
 
     @abstractmethod
     def inverse(self, k: Arithmetic[N], pose: Sequence[N], mode: Signs) -> tuple[tuple[N, ...], tuple[N, ...]]:

@@ -13,7 +13,7 @@ from irsbot_kinematics import batch
 from irsbot_kinematics.arithmetic import ARRAYS, Array
 from irsbot_kinematics.mechanism import Signs, Status
 from irsbot_kinematics.robot import Robot
-from irsbot_kinematics.tolerances import FARTHEST_SEED, SEEN_SHARE
+from irsbot_kinematics.tolerances import FARTHEST, SEEN_SHARE
 
 
 class InverseAnswer(NamedTuple):
@@ -56,8 +56,8 @@ def solve_direct(robot: Robot, joints: Sequence[float], assembly_mode: int, seed
     Q, fault = _rows(joints, len(mechanism.joints), "joints")
     if assembly_mode not in (0, *mechanism.assembly_modes):
         fault = f"assembly mode {assembly_mode} is not one of {mechanism.assembly_modes}, nor 0"
-    if seed and not (len(seed) == len(mechanism.task) and np.abs(seed).max() <= FARTHEST_SEED):
-        fault = f"seed must be {len(mechanism.task)} finite numbers, at most {FARTHEST_SEED:g}, or empty"
+    if seed and not (len(seed) == len(mechanism.task) and np.abs(seed).max() <= FARTHEST):
+        fault = f"seed must be {len(mechanism.task)} finite numbers, at most {FARTHEST:g}, or empty"
     if fault:
         number = max(len(Q), 1)
         blank = [float("nan")] * (number * len(mechanism.task))

@@ -15,14 +15,29 @@ from irsbot_kinematics import batch, statics
 from irsbot_kinematics.arithmetic import FLOATS, Array
 from irsbot_kinematics.batch import Evaluations
 from irsbot_kinematics.errors import BadInput, NotAssembled, Unreachable
+from irsbot_kinematics.forces import Load
 from irsbot_kinematics.mechanism import Cuspidal, Floats, Mechanism, Posture, Signs, Status
 from irsbot_kinematics.robot_file import RobotFile, preset_names, read_robot
-from irsbot_kinematics.tolerances import REACH_TOL_M
+from irsbot_kinematics.tolerances import FARTHEST, REACH_TOL_M
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Margins of one posture; the fields and units of SingularityState.msg."""
+    """Margins of one posture; the fields and units of SingularityState.msg.
+
+    joint_position: (n,) joint positions, rad or m.
+    pose: (m,) task coordinates, m or rad.
+    working_mode: sign per leg, 0 where it has none.
+    assembly_mode: label of the assembly mode.
+    type1_margin: (n,) of every leg, 0..1: 0 where it is straight or folded.
+    type2_margin: 0..1: 0 where the legs do not hold the platform.
+    constraint_margin: 0..1: 0 where the legs lose a constraint together; NaN where they cannot.
+    limb_margin: of every limb that can lose a constraint of its own, 0..1.
+    clearance: m the platform may move in any direction before the nearest singularity: a lower bound.
+    pressure_angle: (n,) rad, of every leg.
+    reaction_max: (n,) N: largest force of every leg under the load of the question, in its worst direction.
+    closure_residual: m: largest error of closure.
+    """
 
     joint_position: Floats
     pose: Floats
@@ -42,6 +57,10 @@ class Robot:
     """One machine. Poses are (m,) task coordinates, joints (n,) joint positions, SI units and radians.
 
     Modes left out mean the robot's usual ones.
+
+    mechanism: the equations, and `joints`, `task`, `working_modes`, `assembly_modes`, `geometry`, see `Mechanism`.
+    name, description: as the robot's file says.
+    supervision: settings of the supervisor that belong to this machine, by name.
     """
 
     def __init__(
@@ -77,7 +96,7 @@ class Robot:
         return np.array(q)
 
     def inverse_all(self, pose: ArrayLike) -> list[Array]:
-        """Joint positions of a pose in every working mode that reaches it, in the order of `working_modes`."""
+        """Joint positions of a pose in every working mode that reaches it, ordered as `mechanism.working_modes`."""
         solutions = []
         for mode in self.mechanism.working_modes:
             try:
@@ -91,7 +110,7 @@ class Robot:
         return np.array(self.posture(joints, assembly_mode).pose)
 
     def direct_all(self, joints: ArrayLike) -> list[Array]:
-        """Poses of joint positions in every assembly mode that exists, in the order of `assembly_modes`."""
+        """Poses of joint positions in every assembly mode that exists, in the order of `mechanism.assembly_modes`."""
         solutions = []
         for mode in self.mechanism.assembly_modes:
             try:
@@ -135,10 +154,21 @@ class Robot:
             closure_residual=at.residual,
         )
 
-    def evaluate_many(self, joints: ArrayLike, assembly_mode: int | None = None) -> Evaluations:
-        """Poses and margins of many joint positions (N, n): arrays, NaN and a status where not assembled."""
+    def evaluate_many(
+        self,
+        joints: ArrayLike,
+        assembly_mode: int | None = None,
+        *,
+        force: float | None = None,
+        moment: float = 0.0,
+    ) -> Evaluations:
+        """Poses and margins of many joint positions (N, n): arrays, NaN and a status where not assembled.
+
+        force (N), moment (N m): the load of `reaction_max`, which is left out without a force. Raises BadInput.
+        """
         Q = _table(joints, len(self.mechanism.joints), "joints")
-        return batch.evaluate_many(self.mechanism, Q, self._assembly(assembly_mode))
+        load = None if force is None else (Load(force, moment, 0.0).force_n, moment)
+        return batch.evaluate_many(self.mechanism, Q, self._assembly(assembly_mode), load)
 
     def inverse_many(
         self, poses: ArrayLike, working_mode: Sequence[int] | None = None
@@ -195,10 +225,10 @@ class Robot:
         return np.array(statics.twist(screws, drive))
 
     def _pose(self, pose: ArrayLike) -> Floats:
-        return _vector(pose, len(self.mechanism.task), "pose")
+        return _near(_vector(pose, len(self.mechanism.task), "pose"), "pose")
 
     def _joints(self, joints: ArrayLike) -> Floats:
-        return _vector(joints, len(self.mechanism.joints), "joints")
+        return _near(_vector(joints, len(self.mechanism.joints), "joints"), "joints")
 
     def _wrench(self, wrench: ArrayLike) -> Floats:
         return _vector(wrench, len(self.mechanism.task), "wrench")
@@ -227,6 +257,12 @@ def _vector(values: ArrayLike, length: int, what: str) -> Floats:
         raise BadInput(f"{what} must have {length} numbers, got {len(vector)}")
     if not all(map(isfinite, vector)):
         raise BadInput(f"{what} must be finite, got {vector}")
+    return vector
+
+
+def _near(vector: Floats, what: str) -> Floats:
+    if not max(map(abs, vector)) <= FARTHEST:
+        raise BadInput(f"{what} must be at most {FARTHEST:g} rad or m in size, got {vector}")
     return vector
 
 

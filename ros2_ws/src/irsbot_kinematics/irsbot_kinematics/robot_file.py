@@ -21,7 +21,7 @@ from typing import Any
 
 import yaml
 
-from irsbot_kinematics.errors import BadInput, InvalidGeometry, UnknownRobot
+from irsbot_kinematics.errors import BadInput, InvalidGeometry, KinematicsError, UnknownRobot
 from irsbot_kinematics.mechanism import Mechanism
 from irsbot_kinematics.mechanisms import TOPOLOGIES
 from irsbot_kinematics.topologies import built, topology
@@ -58,7 +58,7 @@ def read_robot(name_or_path: str | Path, overrides: Mapping[str, Any] | None = N
     path = Path(name_or_path)
     if path.suffix in (".yaml", ".yml"):
         if not path.is_file():
-            raise UnknownRobot(str(name_or_path), preset_names())
+            raise BadInput(f"{path}: there is no such file")
         try:
             text, name, where = path.read_text(encoding="utf-8"), path.stem, str(path)
         except (OSError, UnicodeDecodeError) as error:
@@ -102,7 +102,10 @@ def _parse(name: str, text: str, where: str, overrides: Mapping[str, Any]) -> Ro
     supervision = said.get("supervision", {})
     if not isinstance(supervision, dict):
         raise BadInput(f"{where}: supervision is {supervision!r}; it must be a mapping of settings")
-    mechanism = built(found, given)
+    try:
+        mechanism = built(found, given)
+    except KinematicsError as error:
+        raise type(error)(f"{where}: {error}") from None
     _set_usual(mechanism, said.get("usual", {}), where)
     return RobotFile(name, str(said.get("description", "")), sources, mechanism, supervision)
 

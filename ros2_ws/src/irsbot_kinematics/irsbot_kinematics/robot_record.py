@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 from irsbot_kinematics.errors import BadInput
@@ -23,11 +24,14 @@ def robot_record(robot: Robot) -> dict[str, Any]:
     }
 
 
-def robot_from_record(said: Mapping[str, Any]) -> Robot:
-    """The robot of a record. Raises BadInput for a malformed one and for a mechanism that is not as it was recorded,
-    InvalidGeometry for impossible lengths."""
+def robot_from_record(said: Mapping[str, Any], files: Iterable[Path] = ()) -> Robot:
+    """The robot of a record. files: where the file of its mechanism may lie, if not where it was.
+
+    Raises BadInput for a malformed record and for a mechanism that is not as it was recorded, InvalidGeometry for
+    impossible lengths.
+    """
     try:
-        found = referenced(said)
+        found = referenced(said, files)
         lengths = {key: tuple(v) if isinstance(v, list) else v for key, v in said["geometry"].items()}
         mechanism = built(found, lengths)
         mechanism.usual_working_mode = tuple(said["working_mode"])

@@ -18,8 +18,9 @@ SIGN_DEAD_BAND = 1e-9
 CLOSURE_TOL_M = 1e-9
 """m: largest closure residual of a pose that a solver returns."""
 
-FARTHEST_SEED = 1e6
-"""m or rad: a pose beyond this is nearer to none of the solutions than to the others, as far as digits can tell."""
+FARTHEST = 1e6
+"""m or rad: a joint position or a pose beyond this is a mistake of units. An angle of this size has ten digits left,
+and a seed pose beyond it is nearer to none of the solutions than to the others, as far as digits can tell."""
 
 SEEN_SHARE = 0.5
 """1: a pose that somebody sees tells a branch if it is at most this share as far from it as from any other. A pose in

@@ -18,7 +18,7 @@ import importlib.util
 import inspect
 import sys
 import typing
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import is_dataclass
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -66,15 +66,22 @@ def reference(mechanism: Mechanism) -> dict[str, str]:
     return {"mechanism": f"{file}:{cls.__qualname__}", "sha256": cls.__module__.removeprefix(_FILE_MODULE)}
 
 
-def referenced(said: Mapping[str, Any]) -> Topology:
-    """The topology of a `reference`. Raises BadInput, also where a file is gone or is not the same any more."""
-    name = str(said.get("mechanism"))
-    path = Path(name.rpartition(":")[0])
+def referenced(said: Mapping[str, Any], files: Iterable[Path] = ()) -> Topology:
+    """The topology of a `reference`. files: where its file may lie as well; it is known by its hash alone.
+
+    Raises BadInput where none of the files is the one that was recorded.
+    """
+    where, _, name = str(said.get("mechanism")).rpartition(":")
     wanted = said.get("sha256")
-    if path.suffix == ".py" and not (path.is_file() and _hash(path.read_bytes()) == wanted):
-        state = "has changed since" if path.is_file() else "is not there any more"
-        raise BadInput(f"the robot was defined by {path}, which {state}; bring back the file as it was")
-    return topology(name, Path())
+    if not where.endswith(".py"):
+        return topology(said.get("mechanism"), Path())
+    others = list(files)
+    for path in (Path(where), *others):
+        if path.is_file() and _hash(path.read_bytes()) == wanted:
+            return topology(f"{path.absolute()}:{name}", Path())
+    state = "has changed since" if Path(where).is_file() else "is not there any more"
+    looked = f", and none of {len(others)} other files is it" if others else ""
+    raise BadInput(f"the robot was defined by {where}, which {state}{looked}; bring back the file as it was")
 
 
 def _known() -> str:

@@ -14,6 +14,7 @@ from irsbot_kinematics.conformance.singular import singular_answered
 from irsbot_kinematics.mechanism import Guarantee, Mechanism, Status
 from irsbot_kinematics.mechanisms.delta_family import DeltaGeometry
 from irsbot_kinematics.mechanisms.orthoglide import Orthoglide
+from irsbot_kinematics.mechanisms.rrr3_base import Rrr3Base
 
 GEOMETRY = DeltaGeometry(2.0, (0.0, 4.0))
 
@@ -281,3 +282,20 @@ def test_an_error_in_posture_is_reported_and_not_raised():
 
     (check,) = conformance(irs.Robot(Broken(GEOMETRY)), joints=20)
     assert "IndexError: tuple index out of range" in check.broken
+
+
+class ForgottenLabels(Rrr3Base):
+    """Six assembly modes whose labels change places along motions free of Type 2: `track` must follow them."""
+
+    kind = "forgotten_labels"
+    labels_hold = True
+
+    def track(self, joints, previous):
+        return Mechanism.track(self, joints, previous)
+
+
+def test_labels_that_do_not_hold_are_found_with_what_to_do():
+    robot = irs.Robot(ForgottenLabels(irs.make_robot("rrr3_base").mechanism.geometry))
+    (check,) = [check for check in conformance(robot) if check.law == "branch goes on"]
+    assert "the branch goes on in assembly mode" in check.broken
+    assert "set labels_hold = False and write track" in check.broken

@@ -120,9 +120,9 @@ def test_memory_is_bounded_by_the_chunk_not_by_the_number_of_designs():
     [
         (lambda: Range(0.5, 0.1), "low <= high, got 0.5 against 0.1"),
         (lambda: Range(float("nan"), 0.1), "got nan against 0.1"),
-        (lambda: Range(0.1, 0.5, 0), "steps >= 1, got 0 against 1"),
+        (lambda: Range(0.1, 0.5, 0), "steps >= 1, got 0"),
         (lambda: Plan({"l1": Range(0.1, 0.2)}), "ranges of l1, l2eq"),
-        (lambda: plan(samples=0), "samples >= 1, got 0 against 1"),
+        (lambda: plan(samples=0), "samples >= 1, got 0"),
     ],
 )
 def test_a_plan_that_makes_no_sense_is_refused(make, words):

@@ -21,19 +21,19 @@ BAD = [
     # robot, changed numbers, inequality, left value, right value
     ("irsbot2", {"a1": 0.03}, "a1 > a2", "0.03", "0.03"),
     ("irsbot2", {"a2": 0.5}, "a1 > a2", "0.42", "0.5"),
-    ("irsbot2", {"beta": 0.0}, "beta > 0", "0", "0"),
-    ("irsbot2", {"beta": -0.1}, "beta > 0", "-0.1", "0"),
+    ("irsbot2", {"beta": 0.0}, "beta > 0", "0", ""),
+    ("irsbot2", {"beta": -0.1}, "beta > 0", "-0.1", ""),
     ("irsbot2", {"beta": pi / 2}, "beta < pi/2", "1.57079633", "1.57079633"),
     ("irsbot2", {"beta": 45.0}, "beta < pi/2", "45", "1.57079633"),
     ("irsbot2", {"b": 0.05 + 0.42 * sin(0.2)}, "|b0| > ", "0", "1e-09"),
     ("irsbot2", {"b": 2.0, "beta": 0.2}, "|b0| <= l1 + l2eq", f"{2.0 - 0.05 - 0.42 * sin(0.2):.9g}", "1.2"),
-    *(("irsbot2", {name: -0.01}, f"{name} > 0", "-0.01", "0") for name in ("l1", "l2eq", "b", "p", "a1", "a2")),
-    *(("irsbot2", {name: 0.0}, f"{name} > 0", "0", "0") for name in ("l1", "l2eq", "b", "p", "a1", "a2")),
-    *(("irsbot2", {name: nan}, f"|{name}| < inf", "nan", "inf") for name in DEFAULT),
-    *(("irsbot2", {name: -inf}, f"|{name}| < inf", "-inf", "inf") for name in DEFAULT),
-    ("five_bar", {"l1": 0.0}, "l1 > 0", "0", "0"),
-    ("five_bar", {"l2": -1.0}, "l2 > 0", "-1", "0"),
-    ("five_bar", {"b": nan}, "|b| < inf", "nan", "inf"),
+    *(("irsbot2", {name: -0.01}, f"{name} > 0", "-0.01", "") for name in ("l1", "l2eq", "b", "p", "a1", "a2")),
+    *(("irsbot2", {name: 0.0}, f"{name} > 0", "0", "") for name in ("l1", "l2eq", "b", "p", "a1", "a2")),
+    *(("irsbot2", {name: nan}, f"{name} must be finite", "nan", "") for name in DEFAULT),
+    *(("irsbot2", {name: -inf}, f"{name} must be finite", "-inf", "") for name in DEFAULT),
+    ("five_bar", {"l1": 0.0}, "l1 > 0", "0", ""),
+    ("five_bar", {"l2": -1.0}, "l2 > 0", "-1", ""),
+    ("five_bar", {"b": nan}, "b must be finite", "nan", ""),
     ("five_bar", {"b": 1.3}, "b <= l1 + l2", "1.3", "1.2"),
 ]
 
@@ -45,13 +45,13 @@ def test_bad_lengths_are_refused_with_the_inequality_and_both_values(name, chang
         irs.make_robot(name, **numbers)
     sentence = str(refused.value)
     assert inequality in sentence
-    values = re.search(r"got (\S+) against (\S+)$", sentence)
+    values = re.search(r"got (\S+)(?: against (\S+))?$", sentence)
     assert values
     if inequality.startswith("|b0| > "):  # b0 is 0 but for rounding
         assert abs(float(values[1])) < 1e-15
     else:
         assert values[1] == left
-    assert values[2] == right
+    assert (values[2] or "") == right
 
 
 def test_the_smallest_legal_steps_beyond_the_bounds_are_accepted():
@@ -70,11 +70,17 @@ def test_a_length_that_the_robot_does_not_have_is_refused_with_those_it_has():
         irs.make_robot("irsbot2", l3=1.0)
 
 
-@pytest.mark.parametrize("name", ["irsbot3", "", "irsbot2.yml", "/nowhere/robot.yaml", ".."])
+@pytest.mark.parametrize("name", ["irsbot3", "", ".."])
 def test_an_unknown_robot_is_refused_with_the_known_names(name):
     with pytest.raises(irs.UnknownRobot) as refused:
         irs.make_robot(name)
     assert all(known in str(refused.value) for known in irs.robots())
+
+
+@pytest.mark.parametrize("name", ["irsbot2.yml", "/nowhere/robot.yaml"])
+def test_a_robot_file_that_is_not_there_is_said_to_be_missing(name):
+    with pytest.raises(irs.BadInput, match=f"^{name}: there is no such file$"):
+        irs.load_robot(name)
 
 
 # --- shipped files ---
@@ -151,13 +157,13 @@ MALFORMED = [
     (f"{{mechanism: irsbot2, geometry: {LENGTHS.replace('0.3', 'long')}}}", "geometry.l1 must be a number"),
     (f"{{mechanism: irsbot2, geometry: {LENGTHS.replace('0.3', 'yes')}}}", "geometry.l1 must be a number"),
     (f"{{mechanism: irsbot2, geometry: {LENGTHS.replace('0.3', '{source: me}')}}}", "geometry.l1 must be a number"),
-    (f"{{mechanism: irsbot2, geometry: {LENGTHS.replace('0.3', '.nan')}}}", "|l1| < inf"),
-    (f"{{mechanism: irsbot2, geometry: {LENGTHS.replace('0.3', '[0.3]')}}}", "|l1| < inf"),
+    (f"{{mechanism: irsbot2, geometry: {LENGTHS.replace('0.3', '.nan')}}}", "l1 must be finite"),
+    (f"{{mechanism: irsbot2, geometry: {LENGTHS.replace('0.3', '[0.3]')}}}", "l1 must be finite"),
     (f"{{mechanism: irsbot2, geometry: {LENGTHS.replace('0.3', '[[0.3]]')}}}", "geometry.l1 must be a number"),
-    ("{mechanism: orthoglide, geometry: {L: 2.0, limits: 4.0}}", "size(limits) = 2"),
-    ("{mechanism: orthoglide, geometry: {L: 2.0, limits: [0.0, 1.0, 4.0]}}", "size(limits) = 2"),
-    ("{mechanism: orthoglide, geometry: {L: [2.0, 2.0], limits: [0.0, 4.0]}}", "|L| < inf"),
-    ("{mechanism: orthoglide, geometry: {L: 2.0, limits: [0.0, .nan]}}", "|limits| < inf"),
+    ("{mechanism: orthoglide, geometry: {L: 2.0, limits: 4.0}}", "limits must be 2 numbers"),
+    ("{mechanism: orthoglide, geometry: {L: 2.0, limits: [0.0, 1.0, 4.0]}}", "limits must be 2 numbers"),
+    ("{mechanism: orthoglide, geometry: {L: [2.0, 2.0], limits: [0.0, 4.0]}}", "L must be finite"),
+    ("{mechanism: orthoglide, geometry: {L: 2.0, limits: [0.0, .nan]}}", "limits must be finite"),
     (f"{{mechanism: irsbot2, geometry: {LENGTHS.replace('0.3', '-0.3')}}}", "l1 > 0"),
     (f"{{mechanism: irsbot2, geometry: {LENGTHS.replace('0.3', '1' + '0' * 400)}}}", "l1"),
     (f"{{mechanism: irsbot2, geometry: {LENGTHS}, usual: 1}}", "usual"),

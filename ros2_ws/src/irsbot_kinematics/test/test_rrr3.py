@@ -275,7 +275,7 @@ def test_a_pose_that_is_seen_a_turn_away_is_the_same_pose():
 
 
 def test_wrong_lengths_are_refused_with_both_values():
-    with pytest.raises(irs.InvalidGeometry, match=r"rp > 0, got 0 against 0"):
+    with pytest.raises(irs.InvalidGeometry, match=r"rp > 0, got 0"):
         irs.make_robot("rrr3", rp=0.0)
     with pytest.raises(irs.InvalidGeometry, match=r"\|rb - rp\| <= 2 l .*, got 0.9 against 0.8"):
         irs.make_robot("rrr3", rb=1.0)

@@ -13,6 +13,9 @@ from irsbot_kinematics.arithmetic import Array
 from irsbot_msgs_py.records import JointSample
 from irsbot_supervisor.tape import Tape
 
+LARGEST = 1e10
+"""rad, m, s and the like: beyond this a number is a mistake of units; seconds of an epoch are far below it."""
+
 
 def read_joint_columns(path: Path, names: list[str]) -> tuple[Array, Array | None]:
     """Joint positions (N, n) in the order of `names`, and times (N,) in s where the source has them.
@@ -53,10 +56,22 @@ def has_columns(path: Path, names: list[str]) -> bool:
     return path.suffix == ".csv" and set(names) <= set(_table(path, 1).columns)
 
 
+def column_names(path: Path) -> list[str]:
+    """Names of a CSV table's columns. Raises BadInput."""
+    return _table(path, 1).columns
+
+
 def _table(path: Path, rows: int | None = None) -> pl.DataFrame:
     """The first rows of a CSV table, or all of them, as texts."""
     try:
+        with path.open(encoding="utf-8") as file:
+            header = file.readline()
+        for sign in (";", "\t"):
+            if sign in header and "," not in header:
+                raise BadInput(f"{path}: columns are separated by {sign!r}, must be by ','")
         return pl.read_csv(path, n_rows=rows, infer_schema=False)
+    except OSError as error:
+        raise BadInput(f"{path}: {error.strerror or 'cannot be read'}") from None
     except (pl.exceptions.PolarsError, UnicodeDecodeError) as error:
         raise BadInput(f"{path}: not a CSV table: {str(error).splitlines()[0]}") from None
 
@@ -71,7 +86,11 @@ def _numbers(path: Path, frame: pl.DataFrame, names: list[str]) -> Array:
         said = texts[row, column]
         fault = f"'{said}' is no number" if said else "the cell is empty"
         raise BadInput(f"{path}: {_cell(row, names[column])}: {fault}")
-    return values.to_numpy()
+    numbers = values.to_numpy()
+    for row, column in np.argwhere(np.isfinite(numbers) & (np.abs(numbers) > LARGEST))[:1].tolist():
+        fault = f"{numbers[row, column]:g} is no joint position, pose, velocity or time: at most {LARGEST:g}"
+        raise BadInput(f"{path}: {_cell(row, names[column])}: {fault}")
+    return numbers
 
 
 def _finite(path: Path, names: list[str], values: Array) -> Array:

@@ -8,7 +8,7 @@ the robot that it is said to be of, in the order and at the times of its recordi
 from __future__ import annotations
 
 from collections import defaultdict, deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import count
 from pathlib import Path
@@ -215,12 +215,17 @@ def _outside(name: str) -> str:
     return f"/{name.strip('/').rpartition('/')[0]}"
 
 
-def judge_again(recording: Recording, told: Assumption | None = None) -> Judged:
+def judge_again(
+    recording: Recording, told: Assumption | None = None, mechanisms: Sequence[Path] | None = None
+) -> Judged:
     """What the supervisors make of the recorded inputs. told: for a bag without a journal, and only there.
+    mechanisms: files of which one may be that of a mechanism of one's own; those beside the bag if left out. Only the
+    file whose hash was recorded is loaded.
 
     Raises BagError for settings that this version cannot use, and where the robot is not known, or said twice.
     """
     judged = Judged([], {}, 0, 0)
+    files = beside(recording.path) if mechanisms is None else mechanisms
     first = next((entry for entry in recording.journal if isinstance(entry, Configuration)), None)
     try:
         if first is None:
@@ -235,7 +240,7 @@ def judge_again(recording: Recording, told: Assumption | None = None) -> Judged:
         if not recording.states:
             others = [entry for entry in recording.journal if entry is not first]
             events = _with_ticks([*recording.samples, *others], recording.samples[-1].seen_ns)
-            _step_through(judged, first, events, count(1))
+            _step_through(judged, first, events, count(1), files)
             return judged
         waiting: dict[int, deque[JointSample]] = defaultdict(deque)
         for sample in recording.samples:
@@ -246,13 +251,22 @@ def judge_again(recording: Recording, told: Assumption | None = None) -> Judged:
             last = supervision.states[-1].sequence - supervision.states[0].sequence + 1 if supervision.states else 0
             judged.missing += last - len(seen)
             events = _events(supervision, first, list(seen.values()))
-            _step_through(judged, first, events, iter(seen), supervision.ahead_ns)
+            _step_through(judged, first, events, iter(seen), files, supervision.ahead_ns)
         for supervision, part, later in zip(recording.supervisions, judged.parts, judged.parts[1:], strict=False):
             part += _silence(supervision.end_ns, later[0].since_ns)
         judged.unseen = sum(len(queue) for queue in waiting.values())
     except (InvalidSettings, KinematicsError) as error:
         raise BagError(f"{recording.path}: {error}") from None
     return judged
+
+
+def beside(bag: Path) -> list[Path]:
+    """Python files in the folder of a bag and beside it."""
+    return [
+        file
+        for folder in ((bag, bag.parent) if bag.is_dir() else (bag.parent,))
+        for file in sorted(folder.glob("*.py"))
+    ]
 
 
 def cause_names(causes: int) -> str:
@@ -357,11 +371,16 @@ def _with_ticks(events: list[Input], end_ns: int) -> list[Input]:
 
 
 def _step_through(
-    judged: Judged, first: Configuration, events: list[Input], numbers: Iterator[int], ahead_ns: int = 0
+    judged: Judged,
+    first: Configuration,
+    events: list[Input],
+    numbers: Iterator[int],
+    files: Sequence[Path],
+    ahead_ns: int = 0,
 ) -> None:
     """Judge the inputs of one supervisor. numbers: of its samples, as they were recorded. An error inside makes the
     state UNKNOWN, as in the node, and the replay goes on."""
-    machine = robot_from_record(first.machine)
+    machine = robot_from_record(first.machine, files)
     supervisor = Supervisor(settings_from(first.values, machine), machine)
     chapters: list[Chapter] = []
     for event in events:

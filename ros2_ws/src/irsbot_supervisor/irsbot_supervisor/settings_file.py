@@ -33,14 +33,21 @@ def shipped_values(robot: Robot) -> dict[str, Any]:
     return dict(robot.supervision)
 
 
-def read_settings(robot_name: str, changes: Mapping[str, Any] | None = None) -> tuple[Settings, Robot]:
-    """Checked settings and the robot they are for; `changes` replace shipped values. What bending adds is found here.
+def read_settings(
+    robot_name: str, changes: Mapping[str, Any] | None = None, where: object = ""
+) -> tuple[Settings, Robot]:
+    """Checked settings and the robot they are for; `changes` replace shipped values. where: the file of the changes.
+    What bending adds is found here.
 
     Raises InvalidSettings, or what the robot's file raises.
     """
     robot = robot_of(robot_name)
     values = {**shipped_values(robot), **(changes or {}), "robot": robot_name}
-    return settings_from(with_bending(values, robot), robot), robot
+    try:
+        return settings_from(with_bending(values, robot), robot), robot
+    except InvalidSettings as error:
+        file = where or (robot_name if robot_name.endswith((".yaml", ".yml")) else "")
+        raise InvalidSettings(f"{file}: {error}" if file else str(error)) from None
 
 
 def read_values(path: Path) -> dict[str, Any]:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from xml.etree import ElementTree
 
 import fake_failing_mechanism
 import pytest
+from command import irsbot
 from fake_failing_mechanism import fake_robot_of
 from typer.testing import CliRunner
 
@@ -87,7 +89,9 @@ def test_an_error_inside_is_judged_unknown_as_in_the_node_and_the_replay_goes_on
     right = judge_again(recording)
     before_the_faults = sorted(sample.position[0] for sample in recording.samples[:130])
     monkeypatch.setattr(fake_failing_mechanism, "FAILS_ABOVE", before_the_faults[80])
-    monkeypatch.setattr(irsbot_supervisor.replay, "robot_from_record", lambda record: fake_robot_of(record["name"]))
+    monkeypatch.setattr(
+        irsbot_supervisor.replay, "robot_from_record", lambda record, _files: fake_robot_of(record["name"])
+    )
     judged = judge_again(recording)
     assert len(judged.levels) == len(right.levels)
     failed = [chapter for chapter in judged.chapters if chapter.causes & Cause.INTERNAL]
@@ -398,6 +402,59 @@ def test_the_report_has_one_case_per_check_and_names_every_difference(tmp_path: 
     failure = bad.find("failure")
     assert failure is not None
     assert (failure.get("message"), failure.text) == ("first <&>", "first <&>\nsecond")
+
+
+def test_a_replay_that_cannot_be_made_is_an_error_in_the_report(bag: Path, tmp_path: Path) -> None:
+    story, report = tmp_path / "story.json", tmp_path / "report.xml"
+    story.write_text("no story")
+    done = irsbot("replay", bag, "--expect", story, "--junit", report)
+    assert done.code == 2
+    suite = ElementTree.parse(report).getroot()
+    assert (suite.get("name"), suite.get("tests"), suite.get("errors")) == (str(bag), "1", "1")
+    error = suite.find("testcase/error")
+    assert error is not None
+    assert done.refusal == f"irsbot: {error.get('message')}"
+
+
+def test_every_report_is_named_after_its_bag(bag: Path, tmp_path: Path) -> None:
+    report = tmp_path / "report.xml"
+    assert irsbot("replay", bag, "--junit", report).code == 0
+    assert ElementTree.parse(report).getroot().get("name") == str(bag)
+
+
+PRR3 = Path(__file__).parents[4] / "docs" / "examples" / "prr3"
+
+
+@pytest.fixture
+def bag_of_an_own_mechanism(tmp_path: Path) -> Path:
+    """Its class lay in a folder that is not there any more."""
+    there = tmp_path / "there"
+    shutil.copytree(PRR3, there)
+    settings, robot = read_settings(str(there / "prr3.yaml"))
+    shipped = {key: shipped_values(robot)[key] for key in ("velocity_limit", "deceleration_limit")}
+    simulation = simulation_from({**shipped, "rate_hz": RATE_HZ, "scenario": str(there / "approach.yaml")}, robot)
+    target = tmp_path / "bags" / "run" / "run.mcap"
+    target.parent.mkdir(parents=True)
+    record(cycles(simulation, robot, settings), 0.2, robot, settings, target)
+    shutil.rmtree(there)
+    return target.parent
+
+
+@pytest.mark.parametrize("place", ["bags/run", "bags", "elsewhere"])
+def test_a_bag_finds_the_file_of_its_mechanism_by_its_hash(
+    bag_of_an_own_mechanism: Path, tmp_path: Path, place: str
+) -> None:
+    assert "is not there any more" in irsbot("replay", bag_of_an_own_mechanism).refusal
+    (tmp_path / place).mkdir(exist_ok=True)
+    file = tmp_path / place / "renamed.py"
+    source = (PRR3 / "prr3.py").read_text()
+    told = ["--mechanism", file] if place == "elsewhere" else []
+    file.write_text("raise RuntimeError('a file of another hash is never run')\n" + source)
+    refused = irsbot("replay", bag_of_an_own_mechanism, *told)
+    assert (refused.code, "none of 1 other files is it" in refused.refusal) == (2, True)
+    file.write_text(source)
+    assert irsbot("replay", bag_of_an_own_mechanism, *told).code == 0
+    assert irsbot("report", bag_of_an_own_mechanism, *told, "-o", tmp_path / "run.html").code == 0
 
 
 def test_the_robot_that_was_told_once_is_kept_with_the_expectations(bag: Path, tmp_path: Path) -> None:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 
-from irsbot_kinematics import make_robot
+from irsbot_kinematics import NotAssembled, Robot, make_robot
 from irsbot_msgs_py.records import Cause, JointSample, Level
 from irsbot_supervisor.core.motion import JointLimits
 from irsbot_supervisor.core.pipeline import Supervisor
@@ -16,7 +19,7 @@ from irsbot_supervisor.settings_file import read_settings
 from irsbot_supervisor.sim.errors import BadScenario, BadSetting
 from irsbot_supervisor.sim.obedience import Obedience
 from irsbot_supervisor.sim.scenario_file import read_scenario, scenario_names, scenario_robots
-from irsbot_supervisor.sim.scenarios import plan
+from irsbot_supervisor.sim.scenarios import Wait, plan
 from irsbot_supervisor.sim.simulation import Simulation, build, simulation_from
 
 MS = 1_000_000
@@ -284,3 +287,29 @@ def test_one_limit_serves_all_joints_and_acceleration_is_that_of_the_brakes():
     assert simulation.acceleration_limit == (400.0, 400.0)
     assert simulation.joint_names == ("joint_1", "joint_2")
     assert isinstance(simulation, Simulation)
+
+
+@pytest.mark.parametrize("name", ["irsbot2", "rrr3_base", "triaglide"])
+def test_a_start_in_another_assembly_mode_than_the_configured_one_is_refused(name: str) -> None:
+    """The supervisor would take the robot for somewhere else and let it drive through Type 2."""
+    robot = make_robot(name)
+    shipped = read_scenario("pick_and_place", robot)
+    plan(shipped, robot.mechanism, _limits_of(robot), seconds=0.1)
+    joints = robot.inverse(shipped.start)
+    others = {}
+    for mode in robot.mechanism.assembly_modes:
+        with contextlib.suppress(NotAssembled):
+            if mode != robot.mechanism.usual_assembly_mode:
+                others[mode] = robot.evaluate(joints, mode)
+    assert others, "one assembly mode: the fixture proves nothing"
+    for mode, other in others.items():
+        moved = replace(shipped, start=other.pose, working_mode=other.working_mode, cycle=(), run=(Wait(0.0),))
+        with pytest.raises(
+            BadScenario, match=rf"start: the pose .* is in assembly mode {re.escape(f'{mode:+d}')}, the robot"
+        ):
+            plan(moved, robot.mechanism, _limits_of(robot))
+
+
+def _limits_of(robot: Robot) -> JointLimits:
+    n = len(robot.mechanism.joints)
+    return JointLimits((3.0,) * n, (30.0,) * n, (30.0,) * n)

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from irsbot_kinematics.conformance import margins, motion, singular
+from irsbot_kinematics.conformance import declared, margins, motion, singular
 from irsbot_kinematics.conformance.samples import Check, Law, Machine
 from irsbot_kinematics.robot import Robot
 
@@ -55,6 +55,8 @@ LAWS: tuple[_Entry, ...] = (
     _Entry("unknown is unknown", margins.unknown_is_unknown, 0.0, "1"),
     _Entry("refusals", margins.refusals, 0.0, "1"),
     _Entry("many are single", margins.many_are_single, ROUNDING, "m, rad, 1"),
+    _Entry("sizes are as declared", declared.sizes_declared, ROUNDING, "1"),
+    _Entry("turn rate is as declared", declared.turn_rate_declared, 1e-6, "1"),
     _Entry("guarantee is kept", margins.promises_kept, ROUNDING, "1"),
     _Entry("sharp guarantee is kept", margins.sharp_promises_kept, ROUNDING, "1"),
     _Entry("guarantee says something", margins.promises_something, 1e-3, "1"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from math import inf, isfinite, nan
+from math import inf, isfinite, nan, sqrt
 
 import numpy as np
 
@@ -15,6 +15,10 @@ from irsbot_kinematics.tolerances import COINCIDENT_TOL_M
 
 IN_BOX = 16
 """Random joint positions in each box, half of their coordinates at its faces."""
+SEARCHED, STARTS, STEPS = 12, 2, (2.0, 1.0, 0.5)
+"""Postures whose bounds are attacked by local search, from so many corners, by steps of these shares of the travel."""
+HALVINGS = 12
+"""Of the width of the boxes that are searched."""
 SMALL = 1e-9
 """1: share of the joint range of a box over which a guarantee must be almost the margins."""
 
@@ -169,6 +173,52 @@ def _boxes(machine: Machine, promise: Callable[[Posture, Sequence[float]], Guara
             bound = promise(at, travel.tolist())
             said = f"{place(at)}, travel {numbers(tuple(travel))}"
             yield from _kept(machine.mechanism, at, bound, said, _in_box(rng, np.array(at.joints), travel))
+    for at in machine.spread[:: max(1, len(machine.spread) // SEARCHED)]:
+        travel = _widest(machine, at, promise, rng)
+        bound = promise(at, travel.tolist())
+        said = f"{place(at)}, travel {numbers(tuple(travel))}"
+        yield from _kept(machine.mechanism, at, bound, said, _worst_in_box(machine.mechanism, at, bound, travel, rng))
+
+
+def _widest(
+    machine: Machine, at: Posture, promise: Callable[[Posture, Sequence[float]], Guarantee], rng: np.random.Generator
+) -> Array:
+    """A box over which little of the Type 2 margin is left: where a bound says most about the second order."""
+    lower, upper = machine.ranges
+    shape = (upper - lower) * rng.uniform(0.2, 1.0, len(lower))
+    low, high = 1e-6, 0.3
+    for _ in range(HALVINGS):
+        middle = sqrt(low * high)
+        low, high = (middle, high) if promise(at, (middle * shape).tolist()).type2 > 0.1 * at.type2 else (low, middle)
+    return np.asarray(low * shape)
+
+
+def _worst_in_box(
+    mechanism: Mechanism, at: Posture, bound: Guarantee, travel: Array, rng: np.random.Generator
+) -> Array:
+    """Joints (1, n) of a box at which a margin comes nearest to its bound, or falls below it: local search from
+    random corners, one joint after the other, each by steps that become smaller."""
+    floors, middle = np.array(_floors(bound)), np.array(at.joints)
+
+    def lack(share: Array) -> float:
+        met = mechanism.track(tuple((middle + share * travel).tolist()), at)
+        return float((floors - _margins(met)).max()) if met.status == Status.SOLVED else inf
+
+    best: Array = np.zeros(len(travel))
+    worst = -inf
+    for _ in range(STARTS):
+        share = np.sign(rng.uniform(-1.0, 1.0, len(travel)))
+        found = lack(share)
+        for step in STEPS:
+            for joint in range(len(travel)):
+                for way in (step, -step):
+                    moved = share.copy()
+                    moved[joint] = min(max(moved[joint] + way, -1.0), 1.0)
+                    if moved[joint] != share[joint] and (value := lack(moved)) > found:
+                        share, found = moved, value
+        if found > worst:
+            best, worst = share, found
+    return (middle + best * travel)[np.newaxis]
 
 
 def _kept(mechanism: Mechanism, at: Posture, bound: Guarantee, said: str, joints: Array) -> Iterator[Case]:
@@ -227,6 +277,17 @@ def clearance_kept(machine: Machine) -> Iterator[Case]:
                 yield Case(apart(mechanism.task, met.pose, x), f"{said} is not on the branch any more")
 
 
+def _other_label(mechanism: Mechanism, here: Posture, there: Posture, straight: float) -> str:
+    """What is wrong if the branch goes on under another label although labels are said to hold."""
+    if not mechanism.labels_hold or apart(mechanism.task, there.pose, here.pose) <= 2.0 * straight:
+        return ""
+    for mode in mechanism.assembly_modes:
+        other = mechanism.posture(there.joints, mode)
+        if other.status == Status.SOLVED and apart(mechanism.task, other.pose, here.pose) <= 2.0 * straight:
+            return f", the branch goes on in assembly mode {mode:+d}: set labels_hold = False and write track"
+    return ""
+
+
 def labels_stay(machine: Machine) -> Iterator[Case]:
     """Along a motion free of singularities the posture moves on continuously, under the same label."""
     mechanism, rng = machine.mechanism, machine.random()
@@ -242,5 +303,5 @@ def labels_stay(machine: Machine) -> Iterator[Case]:
             A, B = np.array(here.screws), np.array(here.levers)
             straight = float(np.abs(np.linalg.solve(A, -B * way)).max())
             said = f"{place(here)}, then joints {numbers(there.joints)}: the pose jumps to {numbers(there.pose)}"
-            yield Case(step - 2.0 * straight, said)
+            yield Case(step - 2.0 * straight, said + (_other_label(mechanism, here, there, straight) if step else ""))
             here = there

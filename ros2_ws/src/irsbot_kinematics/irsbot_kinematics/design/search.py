@@ -57,7 +57,7 @@ class Task:
         if set(self.ranges) != set(VARIABLES):
             raise BadInput(f"a search needs ranges of {', '.join(VARIABLES)}, got {', '.join(self.ranges)}")
         if not self.size > 0.0:
-            raise BadInput(f"a search must satisfy size > 0, got {self.size:.9g} against 0")
+            raise BadInput(f"a search must satisfy size > 0, got {self.size:.9g}")
         for name, (low, high) in self.ranges.items():
             if not 0.0 < low < high:
                 raise BadInput(f"a search must satisfy 0 < low < high for {name}, got {low:.9g} against {high:.9g}")

@@ -36,7 +36,7 @@ class Range:
         if not (np.isfinite(self.low) and np.isfinite(self.high) and self.low <= self.high):
             raise BadInput(f"a range must satisfy low <= high, got {self.low:.9g} against {self.high:.9g}")
         if not self.steps >= 1:
-            raise BadInput(f"a range must satisfy steps >= 1, got {self.steps} against 1")
+            raise BadInput(f"a range must satisfy steps >= 1, got {self.steps}")
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Plan:
         if set(self.ranges) != set(PARAMETERS):
             raise BadInput(f"a sweep needs ranges of {', '.join(PARAMETERS)}, got {', '.join(self.ranges)}")
         if self.samples is not None and not self.samples >= 1:
-            raise BadInput(f"a sweep must satisfy samples >= 1, got {self.samples} against 1")
+            raise BadInput(f"a sweep must satisfy samples >= 1, got {self.samples}")
 
     def __len__(self) -> int:
         return prod(r.steps for r in self.ranges.values()) if self.samples is None else self.samples

@@ -334,8 +334,6 @@ def _picture(path: Path, *, page: bool = False) -> Path:
         raise BadInput(
             f"cannot draw '{path}': the suffix must be .png, .svg or .pdf{' (.html for surfaces)' if page else ''}"
         )
-    if not path.parent.is_dir():
-        raise BadInput(f"cannot draw '{path}': there is no folder '{path.parent}'")
     return path
 
 

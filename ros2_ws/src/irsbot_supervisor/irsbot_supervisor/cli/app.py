@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import sys
+from collections.abc import Iterator
+from typing import Annotated, Any
 
 import typer
+from typer.models import CommandInfo
 
-from irsbot_kinematics import InvalidGeometry, KinematicsError, NotAssembled, Unreachable
+from irsbot_kinematics import NotAssembled, Unreachable
 from irsbot_kinematics.stiffness import NoSize, SingularPosture
+from irsbot_supervisor import __version__
 from irsbot_supervisor.cli import (
     algebra,
     bags,
@@ -19,6 +24,7 @@ from irsbot_supervisor.cli import (
     limits,
     map,
     mechanism,
+    operate,
     replay,
     report,
     runs,
@@ -27,11 +33,8 @@ from irsbot_supervisor.cli import (
     stiffness,
     urdf,
 )
-from irsbot_supervisor.cli.common import NUMBERS, Failed, err
-from irsbot_supervisor.core.motion import BadTrajectory
-from irsbot_supervisor.core.settings import InvalidSettings
-from irsbot_supervisor.mcap_writer import BagError
-from irsbot_supervisor.sim.errors import SimulationError
+from irsbot_supervisor.cli.common import BAD_INPUT, NUMBERS, Failed, err, out
+from irsbot_supervisor.cli.outputs import guarded
 from irsbot_supervisor.suite import SuiteError
 
 app = typer.Typer(
@@ -49,6 +52,9 @@ app.command("dk", context_settings=NUMBERS)(kinematics.direct)
 app.command("evaluate")(kinematics.evaluate)
 app.command("replay")(replay.replay)
 app.command("check-trajectory")(check.check_trajectory)
+app.command("verdict")(operate.verdict)
+app.command("reset")(operate.reset)
+app.command("set", context_settings=NUMBERS)(operate.set_)
 app.command("check-mechanism")(mechanism.check_mechanism)
 app.command("info")(bags.info)
 app.command("salvage")(bags.salvage)
@@ -61,17 +67,60 @@ app.command("map")(map.draw)
 app.command("stiffness", context_settings=NUMBERS)(stiffness.show)
 app.command("urdf")(urdf.write)
 design.app.command("size")(sizing.size)
-app.add_typer(design.app, name="design")
-app.add_typer(algebra.app, name="algebra")
+for name, group in (("send", operate.app), ("design", design.app), ("algebra", algebra.app)):
+    app.add_typer(group, name=name, short_help=str(group.info.help).partition("\n")[0].rstrip("."))
 
-BAD_INPUT = (InvalidSettings, BadTrajectory, InvalidGeometry, BagError, SimulationError, KinematicsError)
-"""What a user can cause; each says in one sentence what is wrong and what would be right."""
+
+def _commands() -> Iterator[CommandInfo]:
+    """Every command, those of groups too."""
+    for group in (app, operate.app, design.app, algebra.app):
+        yield from group.registered_commands
+
+
+for command in _commands():
+    assert command.callback is not None
+    command.short_help = (command.callback.__doc__ or "").partition("\n")[0].partition(". ")[0].rstrip(".")  # never cut
+    if command.callback is not bags.salvage:  # a bag is always a new one
+        command.callback = guarded(command.callback)
+
+
+def _say_version(asked: bool) -> None:
+    if asked:
+        out.print(f"irsbot {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    _version: Annotated[
+        bool, typer.Option("--version", callback=_say_version, is_eager=True, help="say the version and end")
+    ] = False,
+) -> None:
+    pass
+
+
+USAGE_ERROR: Any = typer.BadParameter.__bases__[0]
+"""What typer raises for a command line that it does not understand; it has no public name."""
+
+SIGPIPE_CODE = 128 + 13
+"""Exit code of a command whose reader went away, as of every program that the signal ends."""
 
 
 def main() -> None:
     """Run a command; exit code 0 done, 1 the checked thing failed, 2 bad usage or input. No traceback for either."""
+    program = os.environ.get("IRSBOT_COMMAND", "irsbot")  # as the user called it
+    for command in _commands():
+        if command.callback is not None and command.callback.__doc__:
+            command.callback.__doc__ = command.callback.__doc__.replace("Example: irsbot", f"Example: {program}")
     try:
-        app(prog_name="irsbot", standalone_mode=True)
+        code = app(prog_name=program, standalone_mode=False)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nobody reads what is still buffered
+        sys.exit(SIGPIPE_CODE)
+    except USAGE_ERROR as error:
+        _say_usage(error)
+        sys.exit(2)
     except (Failed, Unreachable, NotAssembled, SingularPosture, NoSize, SuiteError) as error:
         err.print(f"irsbot: {error}")
         sys.exit(1)
@@ -81,3 +130,15 @@ def main() -> None:
     except OSError as error:
         err.print(f"irsbot: {error.filename or 'system'}: {error.strerror or error}")
         sys.exit(2)
+    if code:
+        sys.exit(code)
+
+
+def _say_usage(error: Any) -> None:
+    """One line, and where to read more; the whole help where nothing was asked."""
+    context = error.ctx
+    if context is not None and type(error).__name__ == "NoArgsIsHelpError":
+        err.print(context.get_help())
+        return
+    where = f"; see {context.command_path} --help" if context is not None else ""
+    err.print(f"irsbot: {' '.join(error.format_message().split()).rstrip('.')}{where}")

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from math import inf
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import typer
@@ -12,12 +13,41 @@ from rich.table import Table
 from irsbot_kinematics.arithmetic import Array
 from irsbot_kinematics.mechanism import Coordinate
 from irsbot_supervisor.cli.common import Failed, err, existing, out, print_json
-from irsbot_supervisor.core.cartesian import certify_poses
-from irsbot_supervisor.core.certify import certify
-from irsbot_supervisor.core.motion import peaks_of
+from irsbot_supervisor.core.cartesian import survey_poses
 from irsbot_supervisor.core.policy import KINDS, WORDS
-from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.core.survey import Run, Survey, survey
 from irsbot_supervisor.settings_file import read_settings, read_values
+
+
+class _Checked(NamedTuple):
+    """A survey in the words of its table: rows are counted as their reader counts, from 1 below the header."""
+
+    times: Array
+    task: tuple[Coordinate, ...]
+    found: Survey
+
+    def row(self, time_s: float) -> int:
+        """The row at which a time lies, or behind which."""
+        return max(int(np.searchsorted(self.times, time_s, side="right")), 1)
+
+    def as_values(self, run: Run) -> dict[str, Any]:
+        names = [coordinate.name for coordinate in self.task]
+        return {
+            **run.first._asdict(),
+            "pose": dict(zip(names, run.first.pose, strict=False)),
+            "row": self.row(run.first.time_s),
+            "until_s": run.until_s,
+            "smallest": run.worst.value,
+            "smallest_time_s": run.worst.time_s,
+            "smallest_row": self.row(run.worst.time_s),
+        }
+
+    def as_text(self, run: Run) -> str:
+        pose = ", ".join(
+            f"{coordinate.name} {round(value, 9) + 0.0:.4g} {coordinate.unit}"
+            for coordinate, value in zip(self.task, run.first.pose, strict=False)
+        )
+        return f"row {self.row(run.first.time_s)}: {run.first.text}" + (f" (pose {pose})" if pose else "")
 
 
 def check_trajectory(
@@ -25,18 +55,20 @@ def check_trajectory(
     file: Annotated[Path, typer.Argument(help="CSV: time_s; joints (and NAME_velocity) or task coordinates")],
     settings: Annotated[Path | None, typer.Option(help="YAML file with other limits than the shipped ones")] = None,
     assembly: Annotated[int, typer.Option(help="assembly mode at the start; 0: the configured one")] = 0,
+    every: Annotated[bool, typer.Option("--all", help="list every violation, not the first alone")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
 ) -> None:
-    """Certify a motion against the stop limits in continuous time, or name the first violation. Exit code 1 then.
+    """Certify a motion against stop limits and velocity_limit, or name what violates them. Exit code 1 then.
 
-    A motion is given by joint positions, or by poses of the platform, straight in between.
+    The motion is given by joint positions, or by poses of the platform, straight in between. Margins are certified in
+    continuous time. Rows are counted from 1 below the header.
 
     Example: irsbot check-trajectory irsbot2 motion.csv
     """
     from irsbot_supervisor.columns import has_columns, read_motion  # polars takes its time to load
 
     changes = read_values(existing(settings, "the settings file")) if settings is not None else {}
-    limits, machine = read_settings(robot, changes)
+    limits, machine = read_settings(robot, changes, settings or "")
     task = [coordinate.name for coordinate in machine.mechanism.task]
     of_platform = has_columns(existing(file, "the motion"), task)
     of_joints = not of_platform or has_columns(file, list(limits.joint_names))
@@ -44,37 +76,58 @@ def check_trajectory(
         err.print(f"{file}: the motion is that of the joints; the columns {', '.join(task)} are not used")
     if not of_joints:
         times, poses, _rates = read_motion(file, task)
-        found = certify_poses(machine, limits, times.tolist(), poses.tolist(), assembly)
+        found = survey_poses(machine, limits, times.tolist(), poses.tolist(), assembly)
     else:
         times, positions, velocities = read_motion(file, list(limits.joint_names))
-        found = certify(machine, limits, times.tolist(), positions.tolist(), velocities.tolist(), assembly)
-        _say_what_is_too_fast(limits, machine.mechanism.joints, times, positions, velocities)
-    rows = [
-        {"margin": WORDS[kind], "smallest": value, "time_s": time_s}
-        for kind, (value, time_s) in zip(KINDS, found.minima, strict=True)
-        if value < float("inf")
+        found = survey(machine, limits, times.tolist(), positions.tolist(), velocities.tolist(), assembly)
+    checked = _Checked(times, machine.mechanism.task, found)
+    too_fast = [
+        {"joint": name, "speed": speed, "unit": f"{joint.unit}/s", "limit": most, "row": checked.row(time_s)}
+        for name, joint, (speed, time_s), most in zip(
+            limits.joint_names, machine.mechanism.joints, found.speeds, limits.velocity_limit, strict=True
+        )
+        if not speed <= most
     ]
+    faults = [checked.as_text(run) for run in found.runs[: None if every else 1]]
+    for one in too_fast:
+        speed = f"joint '{one['joint']}' reaches {one['speed']:.4g} {one['unit']}"
+        faults.append(f"row {one['row']}: {speed}, velocity_limit is {one['limit']:g}")
     if as_json:
-        print_json({"safe": found.safe, "violation": found.violation and found.violation._asdict(), "margins": rows})
-    elif rows:
-        table = Table("margin", "certified lower bound", "time [s]")
-        for row in rows:
-            table.add_row(str(row["margin"]), f"{row['smallest']:.6f}", f"{row['time_s']:.4f}")
-        out.print(table)
-    if found.violation is not None:
-        raise Failed(found.violation.text)
+        said = {"safe": not faults, "too_fast": too_fast, "margins": _margins(checked)}
+        said["violation"] = checked.as_values(found.runs[0]) if found.runs else None
+        print_json({**said, **({"violations": [checked.as_values(run) for run in found.runs]} if every else {})})
+    else:
+        _print_margins(checked)
+        for run in found.runs if every else ():
+            lowest = f"smallest {run.worst.value:.4f} at {run.worst.time_s:.4f} s"
+            out.print(f"{run.first.time_s:.4f} s to {run.until_s:.4f} s, {lowest}: {checked.as_text(run)}")
+    if faults:
+        raise Failed(faults[0] if every and found.runs else "; ".join(faults))
     if not as_json:
         out.print(f"certified: {len(times)} points, {float(times[-1] - times[0]):.3f} s")
 
 
-def _say_what_is_too_fast(
-    limits: Settings, joints: tuple[Coordinate, ...], times: Array, positions: Array, velocities: Array
-) -> None:
-    """No matter of margins, but driven like this the motion leads to warnings."""
-    if len(velocities):
-        fastest = peaks_of(times, positions, velocities)[0]
-    else:
-        fastest = tuple(np.abs(np.diff(positions, axis=0) / np.diff(times)[:, None]).max(axis=0, initial=0.0).tolist())
-    for name, joint, peak, most in zip(limits.joint_names, joints, fastest, limits.velocity_limit, strict=True):
-        if peak > most:
-            err.print(f"note: joint '{name}' reaches {peak:.4g} {joint.unit}/s, velocity_limit is {most:g}")
+def _margins(checked: _Checked) -> list[dict[str, Any]]:
+    found = checked.found
+    return [
+        {
+            "margin": WORDS[kind],
+            "before_violation": before if before < inf else None,
+            "whole": whole,
+            "time_s": time_s,
+            "row": checked.row(time_s),
+        }
+        for kind, (before, _at), (whole, time_s) in zip(KINDS, found.before, found.whole, strict=True)
+        if whole < inf
+    ]
+
+
+def _print_margins(checked: _Checked) -> None:
+    """Certified lower bounds: of the whole motion, and of its part before the first violation, if it has one."""
+    both = not checked.found.safe
+    table = Table("certified lower bound", *(["before violation"] if both else []), "whole", "row", "time [s]")
+    for row in _margins(checked):
+        before = "-" if row["before_violation"] is None else f"{row['before_violation']:.6f}"
+        place = (f"{row['whole']:.6f}", str(row["row"]), f"{row['time_s']:.4f}")
+        table.add_row(row["margin"], *([before] if both else []), *place)
+    out.print(table)

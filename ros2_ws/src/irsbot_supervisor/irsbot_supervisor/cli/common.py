@@ -13,10 +13,22 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from irsbot_kinematics import BadInput, Robot
+from irsbot_kinematics import BadInput, KinematicsError, Robot
+from irsbot_supervisor.core.motion import BadTrajectory
+from irsbot_supervisor.core.settings import InvalidSettings
+from irsbot_supervisor.mcap_writer import BagError
 from irsbot_supervisor.settings_file import robot_of
+from irsbot_supervisor.sim.errors import SimulationError
 
-out = Console(highlight=False, soft_wrap=True, markup=False)
+
+class _Output(Console):
+    """Leaves it to `main` what becomes of a command whose reader went away."""
+
+    def on_broken_pipe(self) -> None:
+        raise BrokenPipeError
+
+
+out = _Output(highlight=False, soft_wrap=True, markup=False)
 """For results."""
 
 err = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
@@ -24,6 +36,10 @@ err = Console(stderr=True, highlight=False, soft_wrap=True, markup=False)
 
 NUMBERS = {"ignore_unknown_options": True}
 """Context settings of commands whose arguments may be negative numbers."""
+
+
+BAD_INPUT = (InvalidSettings, BadTrajectory, BagError, SimulationError, KinematicsError)
+"""What a user can cause; each says in one sentence what is wrong and what would be right."""
 
 
 class Failed(Exception):

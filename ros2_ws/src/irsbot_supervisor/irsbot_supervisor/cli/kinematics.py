@@ -15,6 +15,9 @@ from irsbot_kinematics.mechanism import Coordinate
 from irsbot_supervisor.cli.common import Failed, existing, numbers, out, print_json, robot_named, sign_text, signs
 
 RobotName = Annotated[str, typer.Argument(help="preset name (see `irsbot robots`) or YAML file")]
+MOST_COLUMNS = 10_000
+"""Wider than any table."""
+
 AsJson = Annotated[bool, typer.Option("--json", help="print JSON")]
 
 
@@ -101,6 +104,9 @@ def evaluate(
     source: Annotated[Path, typer.Option("--input", help="CSV with one column per joint, or an MCAP bag")],
     target: Annotated[Path, typer.Option("--output", help="CSV or Parquet file to write")],
     assembly: Annotated[int | None, typer.Option(help="assembly mode; the usual one if left out")] = None,
+    load: Annotated[float | None, typer.Option(help="N of any direction: largest leg forces as well")] = None,
+    moment: Annotated[float, typer.Option(help="N m of either sign, with --load")] = 0.0,
+    as_json: AsJson = False,
 ) -> None:
     """Margins of many joint samples at once.
 
@@ -111,7 +117,7 @@ def evaluate(
     machine = robot_named(robot)
     names = [joint.name for joint in machine.mechanism.joints]
     joints, times = read_joint_columns(existing(source, "the input"), names)
-    found = machine.evaluate_many(joints, assembly)
+    found = machine.evaluate_many(joints, assembly, force=load, moment=moment)
     columns: dict[str, Any] = {"time_s": times} if times is not None else {}
     columns |= {name: joints[:, i] for i, name in enumerate(names)}
     columns |= {coordinate.name: found.pose[:, i] for i, coordinate in enumerate(machine.mechanism.task)}
@@ -119,10 +125,14 @@ def evaluate(
     columns |= {"type2_margin": found.type2_margin, "constraint_margin": found.constraint_margin}
     columns |= {f"limb_margin_{i + 1}": column for i, column in enumerate(found.limb_margin.T)}
     columns |= {f"pressure_angle_{i + 1}": column for i, column in enumerate(found.pressure_angle.T)}
+    columns |= {f"reaction_max_{i + 1}": column for i, column in enumerate(found.reaction_max.T)}
     columns |= {"reach_m": found.reach, "status": found.status}
     write_columns(target, columns)
     solved = int(np.count_nonzero(found.status == 0))
-    out.print(f"{len(joints)} samples, {solved} assembled, written to {target}")
+    if as_json:
+        print_json({"samples": len(joints), "assembled": solved, "file": target})
+    else:
+        out.print(f"{len(joints)} samples, {solved} assembled, written to {target}")
 
 
 def _print_solutions(joints: tuple[Coordinate, ...], solutions: list[dict[str, Any]]) -> None:
@@ -134,14 +144,30 @@ def _print_solutions(joints: tuple[Coordinate, ...], solutions: list[dict[str, A
 
 
 def _print_evaluations(machine: Robot, found: list[dict[str, Any]]) -> None:
+    """As many assembly modes beside each other as there is room for."""
+    beside = len(found)
+    unbounded = out.options.update(width=MOST_COLUMNS)
+    while beside > 1 and any(
+        out.measure(table, options=unbounded).maximum > out.width for table in _tables(machine, found, beside)
+    ):
+        beside -= 1
+    for table in _tables(machine, found, beside):
+        out.print(table)
+
+
+def _tables(machine: Robot, found: list[dict[str, Any]], beside: int) -> list[Table]:
+    return [_evaluations(machine, found[first : first + beside]) for first in range(0, len(found), beside)]
+
+
+def _evaluations(machine: Robot, found: list[dict[str, Any]]) -> Table:
     table = Table("", *[f"assembly mode {entry['assembly_mode']:+d}" for entry in found])
     for i, coordinate in enumerate(machine.mechanism.task):
         table.add_row(f"{coordinate.name} [{coordinate.unit}]", *[f"{entry['pose'][i]:.9f}" for entry in found])
     table.add_row("working mode", *[sign_text(entry["working_mode"]) for entry in found])
     for name in ("type1_margin", "type2_margin", "constraint_margin", "limb_margin", "clearance", "pressure_angle"):
         table.add_row(name.replace("_", " "), *[_short(entry[name]) for entry in found])
-    out.print(table)
+    return table
 
 
 def _short(value: Any) -> str:
-    return ", ".join(f"{v:.6g}" for v in value) if isinstance(value, tuple) else f"{value:.6g}"
+    return ", ".join(f"{v:.5g}" for v in value) if isinstance(value, tuple) else f"{value:.5g}"

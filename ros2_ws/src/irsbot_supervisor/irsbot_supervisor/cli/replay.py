@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import typer
 from rich.table import Table
 
-from irsbot_supervisor.cli.common import Failed, err, existing, out, print_json
+from irsbot_supervisor.cli.common import BAD_INPUT, Failed, err, existing, out, print_json
 from irsbot_supervisor.core.intake import S
 from irsbot_supervisor.replay import Assumption, Judged, Recording, cause_names, judge_again, read_recording
 from irsbot_supervisor.settings_file import read_values
@@ -20,6 +20,10 @@ RobotOption = Annotated[str | None, typer.Option(help="for bags of joint states 
 SettingsOption = Annotated[
     Path | None,
     typer.Option(help="for bags of joint states alone: YAML file with other settings than the shipped ones"),
+]
+MechanismOption = Annotated[
+    list[Path] | None,
+    typer.Option(help="file of a mechanism of your own, if neither where it was nor beside the bag; known by its hash"),
 ]
 NamespaceOption = Annotated[str | None, typer.Option(help="whose run, in a bag of several robots")]
 
@@ -34,23 +38,23 @@ def replay(
     robot: RobotOption = None,
     settings: SettingsOption = None,
     namespace: NamespaceOption = None,
+    mechanism: MechanismOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
 ) -> None:
     """Judge a recorded run again, from the bag alone. Exit code 1 and the first difference if a verdict differs.
 
     Example: irsbot replay bags/type2 --junit report.xml
     """
-    story = story_of(existing(bag, "the bag"), expect)
-    namespace = namespace or (story.namespace if story else None)
-    recording = read_recording(bag, namespace)
-    told = assumption(robot, settings, story)
-    judged = judge_again(recording, told)
-    checks = against_recording(recording, judged)
-    if story is not None:
-        checks += against_story(recording, judged, story)
-    measures = measures_of(recording, judged, story)
+    try:
+        found = _judge(bag, expect, robot, settings, namespace, mechanism)
+    except (*BAD_INPUT, OSError) as error:
+        if junit is not None:
+            write_junit(junit, str(bag), [], str(error))
+        raise
     if junit is not None:
-        write_junit(junit, bag.stem, checks)
+        write_junit(junit, str(bag), found.checks)
+    recording, judged, checks, story = found.recording, found.judged, found.checks, found.story
+    measures = measures_of(recording, judged, story)
     if as_json:
         print_json(
             {
@@ -65,10 +69,45 @@ def replay(
     else:
         _print(recording, judged, checks, measures)
     if write_expect is not None:
-        write_draft(recording, judged, write_expect, told, namespace)
+        write_draft(recording, judged, write_expect, found.told, found.namespace)
         err.print(f'draft written to {write_expect}: it counts when a person has read it and deleted its line "draft"')
     if broken := [check for check in checks if check.faults]:
         raise Failed(f"{broken[0].name}: {len(broken[0].faults)} difference(s), the first: {broken[0].faults[0]}")
+
+
+class _Found(NamedTuple):
+    """A run judged again, and what it was compared with."""
+
+    recording: Recording
+    judged: Judged
+    checks: list[Check]
+    story: Story | None
+    told: Assumption | None
+    namespace: str | None
+
+
+def _judge(
+    bag: Path,
+    expect: Path | None,
+    robot: str | None,
+    settings: Path | None,
+    namespace: str | None,
+    mechanism: list[Path] | None,
+) -> _Found:
+    story = story_of(existing(bag, "the bag"), expect)
+    namespace = namespace or (story.namespace if story else None)
+    recording = read_recording(bag, namespace)
+    told = assumption(robot, settings, story)
+    judged = judge_again(recording, told, files_of(mechanism))
+    checks = against_recording(recording, judged)
+    if story is not None:
+        checks += against_story(recording, judged, story)
+    return _Found(recording, judged, checks, story, told, namespace)
+
+
+def files_of(mechanism: list[Path] | None) -> list[Path] | None:
+    """Files that were named. Raises BadInput."""
+    return [existing(file, "the mechanism file") for file in mechanism] if mechanism else None
 
 
 def story_of(bag: Path, expect: Path | None = None) -> Story | None:
@@ -90,14 +129,18 @@ def assumption(robot: str | None, settings: Path | None, story: Story | None) ->
     return told
 
 
-def write_junit(path: Path, name: str, checks: list[Check]) -> None:
-    """One test case per check, as CI systems read them."""
-    failures = sum(bool(check.faults) for check in checks)
-    suite = ElementTree.Element("testsuite", name=name, tests=str(len(checks)), failures=str(failures))
+def write_junit(path: Path, name: str, checks: list[Check], error: str = "") -> None:
+    """One test case per check, as CI systems read them. error: why there was nothing to check."""
+    failures, errors = sum(bool(check.faults) for check in checks), int(bool(error))
+    count = len(checks) + errors
+    suite = ElementTree.Element("testsuite", name=name, tests=str(count), failures=str(failures), errors=str(errors))
     for check in checks:
         case = ElementTree.SubElement(suite, "testcase", classname="irsbot.replay", name=check.name)
         if check.faults:
             ElementTree.SubElement(case, "failure", message=check.faults[0]).text = "\n".join(check.faults)
+    if error:
+        case = ElementTree.SubElement(suite, "testcase", classname="irsbot.replay", name="replay")
+        ElementTree.SubElement(case, "error", message=error)
     ElementTree.ElementTree(suite).write(path, encoding="unicode", xml_declaration=True)
 
 

@@ -12,8 +12,16 @@ from typing import Annotated
 import typer
 
 from irsbot_kinematics import BadInput
-from irsbot_supervisor.cli.common import existing, out
-from irsbot_supervisor.cli.replay import NamespaceOption, RobotOption, SettingsOption, assumption, story_of
+from irsbot_supervisor.cli.common import existing, out, print_json
+from irsbot_supervisor.cli.replay import (
+    MechanismOption,
+    NamespaceOption,
+    RobotOption,
+    SettingsOption,
+    assumption,
+    files_of,
+    story_of,
+)
 from irsbot_supervisor.core.intake import S
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.journal import Configuration
@@ -33,6 +41,8 @@ def report(
     robot: RobotOption = None,
     settings: SettingsOption = None,
     namespace: NamespaceOption = None,
+    mechanism: MechanismOption = None,
+    as_json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
 ) -> None:
     """Write one self-contained page about a run: picture, chapters, smallest margins, settings, replay.
 
@@ -42,10 +52,13 @@ def report(
         raise BadInput(f"cannot write '{target}': the suffix must be .html")
     story = story_of(existing(bag, "the bag"))
     recording = read_recording(bag, namespace or (story.namespace if story else None))
-    judged = judge_again(recording, assumption(robot, settings, story))
+    judged = judge_again(recording, assumption(robot, settings, story), files_of(mechanism))
     found = outcome(recording, Expectation(stop=False))
     target.write_text(_page(bag, recording, judged, found), encoding="utf-8")
-    out.print(f"written to {target}")
+    if as_json:
+        print_json({"bag": bag, "robot": judged.robot, "file": target})
+    else:
+        out.print(f"written to {target}")
 
 
 def _page(bag: Path, recording: Recording, judged: Judged, found: Outcome) -> str:

@@ -136,7 +136,9 @@ def up(
     robot: Annotated[str, typer.Option(help="preset or YAML file")] = "irsbot2",
     namespace: Annotated[str, typer.Option(help="namespace of all nodes and topics")] = "",
     params: Annotated[Path | None, typer.Option(help="ROS parameter file for all nodes")] = None,
-    scenario: Annotated[str, typer.Option(help="what the simulated joints do")] = "pick_and_place",
+    scenario: Annotated[
+        str | None, typer.Option(help="what the simulated joints do; pick_and_place, or stand with --gate")
+    ] = None,
     folder: Annotated[Path | None, typer.Option("--out", help="folder for the bag; a new one under runs/")] = None,
     domain: Annotated[int, typer.Option(help="DDS domain", envvar="ROS_DOMAIN_ID")] = 0,
     gate: Annotated[
@@ -156,8 +158,9 @@ def up(
     Example: irsbot up --robot irsbot2 --namespace left
     """
     machine = robot_of(robot)
-    if not gate:
-        read_scenario(scenario, machine)
+    scenario = scenario or (STANDING if gate else "pick_and_place")
+    if not read_scenario(scenario, machine).stands and gate:
+        refuse(f"with --gate the joints move by command alone: '{scenario}' moves them, give stand or none")
     if domain not in DDS_DOMAINS:
         refuse(f"the DDS domain must be in {DDS_DOMAINS[0]}..{DDS_DOMAINS[-1]}, got {domain}")
     place = namespace.strip("/")
@@ -167,12 +170,12 @@ def up(
         told = read_parameters(existing(params, "the parameter file"), _parameters(f"/{place}" if place else ""))
         names = {entry.name for entry in fields(Settings)} - {"robot"}
         (of_supervisor,) = [values for node, values in told.items() if node.endswith("/supervisor")]
-        read_settings(robot, {name: value for name, value in of_supervisor.items() if name in names})
+        read_settings(robot, {name: value for name, value in of_supervisor.items() if name in names}, params)
     target = folder or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-up"
     _prepare(target)
     _end_in_order_when_told_to()
     with Suite(target / LOGS, domain, place, params) as suite, contextlib.suppress(KeyboardInterrupt):
-        drives = {"robot": robot, "scenario": STANDING if gate else scenario, "gated": gate, "listeners": LISTENERS}
+        drives = {"robot": robot, "scenario": scenario, "gated": gate, "listeners": LISTENERS}
         bag = {"output": str(target / BAG)}
         if together:
             remaps = {f"simulated_joints:{topic}": other for topic, other in GATED.items()} if gate else {}

@@ -13,6 +13,9 @@ from irsbot_supervisor.cli.common import existing, out, print_json
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.settings_file import read_settings, read_values
 
+WIDE = 130
+"""Columns of a terminal from which unit and range have columns of their own."""
+
 
 def settings(
     robot: Annotated[str, typer.Argument(help="preset name or YAML file")] = "irsbot2",
@@ -24,7 +27,7 @@ def settings(
     Example: irsbot settings irsbot2 --file mine.yaml
     """
     changes = read_values(existing(file, "the settings file")) if file is not None else {}
-    found, _robot = read_settings(robot, changes)
+    found, _robot = read_settings(robot, changes, file or "")
     rows = [_row(found, entry.name, entry.metadata) for entry in fields(Settings)]
     if as_json:
         print_json({"config_hash": found.config_hash, "settings": rows})
@@ -32,11 +35,16 @@ def settings(
     longest = max(
         len(row["name"]) for row in rows
     )  # names are copied from here: where there is little room others fold
-    others = (Column(name, overflow="fold") for name in ("value", "unit", "range", "meaning"))
+    wide = out.width >= WIDE
+    names = ("value", "unit", "range", "meaning") if wide else ("value", "meaning, unit, range")
+    others = (Column(name, overflow="fold") for name in names)
     table = Table(Column("setting", min_width=longest, no_wrap=True), *others)
     for row in rows:
         value = ", ".join(map(str, row["value"])) if isinstance(row["value"], tuple) else str(row["value"])
-        table.add_row(row["name"], value, row["unit"], row["range"], row["meaning"])
+        limits = f"{row['range']} {row['unit'] if row['unit'] != '1' else ''}".strip()
+        told = f"{row['meaning']}; {limits}" if limits else row["meaning"]
+        cells = (row["unit"], row["range"], row["meaning"]) if wide else (told,)
+        table.add_row(row["name"], value, *cells)
     out.print(table)
     out.print(f"configuration {found.config_hash}")
 

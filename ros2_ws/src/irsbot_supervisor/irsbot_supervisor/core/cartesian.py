@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from math import inf, nan
 
 import numpy as np
+from numpy.typing import NDArray
 
 from irsbot_kinematics import Robot, Status
 from irsbot_kinematics.arithmetic import Array
@@ -16,6 +17,7 @@ from irsbot_supervisor.core.certify import Certificate, Violation, certify
 from irsbot_supervisor.core.motion import BadTrajectory
 from irsbot_supervisor.core.policy import KINDS
 from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.core.survey import Run, Survey, survey
 
 SPACING_M = 1e-3
 """m that the platform moves at most between two joint positions (angles times the mechanism's length). In between the
@@ -38,34 +40,108 @@ def certify_poses(
     assembly_mode: in which the path must begin; 0: the settings', or, where labels do not tell the branch, the one
     that the first pose tells. Raises BadTrajectory.
     """
-    mechanism = robot.mechanism
-    times, points = _dense(robot, times_s, poses)
-    joints, status, reach = inverse_many(mechanism, points, settings.working_mode)
-    missing = np.flatnonzero(status != Status.SOLVED)
-    last = int(missing[0]) if len(missing) else len(times)
-    for column, coordinate in enumerate(mechanism.joints):
-        if coordinate.is_angle:
-            joints[:last, column] = np.unwrap(joints[:last, column])
-    beyond = None
-    if last < len(times):
-        pose = tuple(points[last].tolist())
-        where = ", ".join(f"{value:.4g}" for value in pose)
-        text = f"the pose ({where}) at {times[last]:.4f} s is unreachable by {-float(reach[last]) * 1e3:.2f} mm"
-        no_joints = (nan,) * len(mechanism.joints)
-        beyond = Violation(float(times[last]), int(Cause.TYPE1), float(reach[last]), 0.0, no_joints, pose, text)
+    path = _Joints(robot, settings, times_s, poses)
     nothing = ((inf, 0.0),) * len(KINDS)
-    if last == 0:
-        assert beyond is not None
+    beyond = path.beyond(0)
+    if beyond is not None and path.end(0) == 0:
         return Certificate(beyond, nothing)
-    first, pose = tuple(joints[0].tolist()), tuple(points[0].tolist())
-    label = solve_direct(robot, first, 0, pose).assembly_mode[0]
-    wanted = assembly_mode or (settings.assembly_mode if mechanism.labels_hold else label)
-    if label != wanted and wanted in mechanism.assembly_modes:
-        text = f"the path begins in assembly mode {label:+d}, not in {wanted:+d}"
-        violation = Violation(float(times[0]), int(Cause.BRANCH), nan, nan, first, pose, text)
+    wanted, violation = path.branch(assembly_mode)
+    if violation is not None:
         return Certificate(violation, nothing)
-    found = certify(robot, settings, times[:last].tolist(), joints[:last].tolist(), assembly_mode=wanted)
+    found = certify(robot, settings, *path.part(0), assembly_mode=wanted)
     return found if found.violation is not None else found._replace(violation=beyond)
+
+
+def survey_poses(
+    robot: Robot,
+    settings: Settings,
+    times_s: Sequence[float],
+    poses: Sequence[Sequence[float]],
+    assembly_mode: int = 0,
+) -> Survey:
+    """Judge all of a path of the platform; arguments as those of `certify_poses`. Behind poses that cannot be reached
+    the path is taken up again in the assembly mode that its pose tells. Raises BadTrajectory."""
+    path = _Joints(robot, settings, times_s, poses)
+    zeros = ((0.0, float(path.times[0])),) * len(KINDS)
+    wanted, violation = path.branch(assembly_mode) if path.end(0) else (0, None)
+    if violation is not None:
+        end_s, still = float(path.times[-1]), ((0.0, float(path.times[0])),) * len(robot.mechanism.joints)
+        return Survey((Run(violation, end_s, violation),), ((inf, 0.0),) * len(KINDS), zeros, still)
+    found = Survey(
+        (), ((inf, 0.0),) * len(KINDS), ((inf, 0.0),) * len(KINDS), ((0.0, 0.0),) * len(robot.mechanism.joints)
+    )
+    first = 0
+    while first < len(path.times):
+        end = path.end(first)
+        if end > first:
+            found = found.followed_by(
+                survey(robot, settings, *path.part(first), assembly_mode=wanted or path.label(first))
+            )
+        beyond = path.beyond(first)
+        first, wanted = path.reached_again(end), 0
+        if beyond is not None:
+            until_s = float(path.times[min(first, len(path.times) - 1)])
+            found = found.followed_by(Survey((Run(beyond, until_s, beyond),), found.whole, zeros, found.speeds))
+    return found
+
+
+class _Joints:
+    """A path of the platform as closely spaced joint positions, as far as they can be reached."""
+
+    def __init__(
+        self, robot: Robot, settings: Settings, times_s: Sequence[float], poses: Sequence[Sequence[float]]
+    ) -> None:
+        self._robot, self._assembly = robot, settings.assembly_mode
+        self.times, self._points = _dense(robot, times_s, poses)
+        self._joints, status, self._reach = inverse_many(robot.mechanism, self._points, settings.working_mode)
+        self._reached = status == Status.SOLVED
+
+    def end(self, first: int) -> int:
+        """The first point from `first` on that cannot be reached, or how many points there are."""
+        return _first(~self._reached, first)
+
+    def reached_again(self, first: int) -> int:
+        """The first point from `first` on that can be reached, or how many points there are."""
+        return _first(self._reached, first)
+
+    def part(self, first: int) -> tuple[list[float], list[list[float]]]:
+        """Times and joints from a point on, as far as they can be reached; angles do not jump by a turn."""
+        joints = self._joints[first : self.end(first)].copy()
+        for column, coordinate in enumerate(self._robot.mechanism.joints):
+            if coordinate.is_angle:
+                joints[:, column] = np.unwrap(joints[:, column])
+        return self.times[first : self.end(first)].tolist(), joints.tolist()
+
+    def beyond(self, first: int) -> Violation | None:
+        """What is wrong with the point at which the part from `first` on ends."""
+        last = self.end(first)
+        if last == len(self.times):
+            return None
+        pose, reach, time_s = tuple(self._points[last].tolist()), float(self._reach[last]), float(self.times[last])
+        where = ", ".join(f"{value:.4g}" for value in pose)
+        text = f"the pose ({where}) at {time_s:.4f} s is unreachable by {-reach * 1e3:.2f} mm"
+        no_joints = (nan,) * len(self._robot.mechanism.joints)
+        return Violation(time_s, int(Cause.TYPE1), reach, 0.0, no_joints, pose, text)
+
+    def label(self, point: int) -> int:
+        """The assembly mode of a point that can be reached."""
+        first, pose = tuple(self._joints[point].tolist()), tuple(self._points[point].tolist())
+        return solve_direct(self._robot, first, 0, pose).assembly_mode[0]
+
+    def branch(self, asked: int) -> tuple[int, Violation | None]:
+        """The assembly mode in which the path must begin, and what is wrong if it does not."""
+        mechanism, label = self._robot.mechanism, self.label(0)
+        wanted = asked or (self._assembly if mechanism.labels_hold else label)
+        if label == wanted or wanted not in mechanism.assembly_modes:
+            return wanted, None
+        text = f"the path begins in assembly mode {label:+d}, not in {wanted:+d}"
+        joints, pose = tuple(self._joints[0].tolist()), tuple(self._points[0].tolist())
+        return wanted, Violation(float(self.times[0]), int(Cause.BRANCH), nan, nan, joints, pose, text)
+
+
+def _first(wanted: NDArray[np.bool_], begin: int) -> int:
+    found = np.flatnonzero(wanted[begin:])
+    return begin + int(found[0]) if len(found) else len(wanted)
 
 
 def _dense(robot: Robot, times_s: Sequence[float], poses: Sequence[Sequence[float]]) -> tuple[Array, Array]:

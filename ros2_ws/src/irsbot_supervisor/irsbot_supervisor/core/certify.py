@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from math import inf, nan
+from math import ceil, inf, nan
 from typing import NamedTuple
 
 import numpy as np
@@ -44,6 +44,10 @@ RANGE_CUTS = 10
 """How often a segment is halved to find where a joint leaves its range."""
 
 
+ACROSS, WIDE = 16, 0.02
+"""A segment with a violation is looked at in so many parts at most, each as wide as this, rad or m, where that does."""
+
+
 class Violation(NamedTuple):
     """Where a margin first falls below its stop limit, or cannot be shown not to."""
 
@@ -56,12 +60,17 @@ class Violation(NamedTuple):
     text: str
 
 
+Minima = tuple[tuple[float, float], ...]
+"""Smallest certified value and its time, s, per margin, in the order of `policy.KINDS`; infinite for margins that the
+robot does not have."""
+
+
 class Certificate(NamedTuple):
-    """The answer. minima: smallest certified value and its time per margin, in the order of `policy.KINDS`; until the
-    violation where there is one, infinite for margins that the robot does not have."""
+    """The answer."""
 
     violation: Violation | None
-    minima: tuple[tuple[float, float], ...]
+    minima: Minima
+    """Until the violation where there is one: what comes behind it was not looked at. `survey` does."""
 
     @property
     def safe(self) -> bool:
@@ -86,11 +95,13 @@ def certify(
     label. ahead_s: for how long the robot goes on unseen, two periods of its samples or more, if the motion has to pass
     a supervisor; only the way itself counts if left out. Raises BadTrajectory.
     """
-    motion = _Motion(len(robot.mechanism.joints), times_s, positions, velocities)
-    return _Walk(robot, settings, motion, assembly_mode, limits or limits_of(settings, "stop"), begin, ahead_s).walk()
+    motion = Motion(len(robot.mechanism.joints), times_s, positions, velocities)
+    walk = Walk(robot, settings, motion, assembly_mode, limits, begin, ahead_s)
+    found = [one for one in (walk.start() or walk.onwards(0), walk.leaving()) if one is not None]
+    return Certificate(min(found, key=lambda one: one.time_s, default=None), walk.minima)
 
 
-class _Motion:
+class Motion:
     """Cubic or straight segments, and bounds of the joints over parts of them."""
 
     def __init__(
@@ -163,18 +174,18 @@ class _Motion:
         return (value - reach) / dt, (value + reach) / dt
 
 
-class _Walk:
-    """Goes along a motion, stretch by stretch."""
+class Walk:
+    """Goes along a motion, stretch by stretch, and keeps the smallest certified margins on the way."""
 
     def __init__(
         self,
         robot: Robot,
         settings: Settings,
-        motion: _Motion,
+        motion: Motion,
         assembly_mode: int,
-        limits: Margins,
-        begin: Posture | None,
-        ahead_s: float | None,
+        limits: Margins | None = None,
+        begin: Posture | None = None,
+        ahead_s: float | None = None,
     ) -> None:
         self._mechanism = robot.mechanism
         self._cuts = MORE_HALVINGS * 2 ** len(robot.mechanism.joints)  # as many as before a robot is stopped
@@ -187,23 +198,18 @@ class _Walk:
         self._working = settings.working_mode
         self._position = PositionLimits(settings, robot.mechanism.joints)
         self._motion = motion
-        self._stop = limits
+        self._stop = limits or limits_of(settings, "stop")
         self._error = position_error(settings)
         self._slack_m = settings.slack_m
         self._minima = [(inf, 0.0)] * len(KINDS)
         self._here = begin  # at the end of what is settled
 
-    def walk(self) -> Certificate:
-        """The certificate of the whole motion."""
-        motion = self._motion
-        violation, leaving = self._start(), self._leaving()
-        for first in range(0, len(motion.low), STRETCH):
-            if violation is None:
-                violation = self._segments(first, min(first + STRETCH, len(motion.low)))
-        found = [one for one in (violation, leaving) if one is not None]
-        return Certificate(min(found, key=lambda one: one.time_s, default=None), tuple(self._minima))
+    @property
+    def minima(self) -> Minima:
+        """Of all that was settled, and of the segments that `across` went over."""
+        return tuple(self._minima)
 
-    def _leaving(self) -> Violation | None:
+    def leaving(self) -> Violation | None:
         """Where a joint first leaves its range, or could not be stopped in it; one that begins outside may return."""
         if not self._position.given:
             return None
@@ -245,7 +251,35 @@ class _Walk:
         errors = np.array(self._reach.errors)
         return np.array(back) + errors, np.array(ahead) + errors
 
-    def _start(self) -> Violation | None:
+    def onwards(self, segment: int) -> Violation | None:
+        """The first violation from a segment on."""
+        for first in range(segment, len(self._motion.low), STRETCH):
+            violation = self._segments(first, min(first + STRETCH, len(self._motion.low)))
+            if violation is not None:
+                return violation
+        return None
+
+    def across(self, segment: int) -> tuple[Violation, float] | None:
+        """Go over a segment whatever its margins: where they are found smallest, and until when they violate their
+        limits; None where they keep them all."""
+        worst, until_s = None, nan
+        begin = float(self._motion.times[segment])
+        length = float(self._motion.times[segment + 1]) - begin
+        width = float((self._motion.high[segment] - self._motion.low[segment]).max())
+        parts = ceil(min(max(width / WIDE, 1.0), ACROSS))
+        for number in range(parts):
+            start, end = number / parts, (number + 1) / parts
+            box, rates = self._motion.part(segment, start, end), self._motion.rates(segment, start, end)
+            at, floor, _ = self._bound(*box, *rates, 0)
+            time_s = begin + 0.5 * (start + end) * length
+            if not self._settled(floor, time_s):
+                self._lower(floor, time_s)
+                found, until_s = self._violation(at, floor, time_s), begin + end * length
+                worst = min(worst or found, found, key=lambda one: one.value - one.limit)
+            self._advance(at, self._motion.part(segment, end, end)[0])
+        return None if worst is None else (worst, until_s)
+
+    def start(self) -> Violation | None:
         """The motion must begin in the configured branch; afterwards positive margins keep it there."""
         first = self._motion.q[0]
         at, floor, _ = self._bound(first, first, np.zeros_like(first), np.zeros_like(first), self._cuts)
@@ -315,10 +349,13 @@ class _Walk:
         """Whether bounds suffice; if so, they count for the minima."""
         if not all(value >= limit for value, limit in zip(floor, self._stop, strict=True)):
             return False
+        self._lower(floor, time_s)
+        return True
+
+    def _lower(self, floor: Margins, time_s: float) -> None:
         for kind, value in enumerate(floor):
             if value < self._minima[kind][0]:
                 self._minima[kind] = value, time_s
-        return True
 
     def _violation(self, at: Posture, floor: Margins, time_s: float) -> Violation:
         now, sure = floor, floor

@@ -194,7 +194,10 @@ def _single_faults(settings: Settings, n: int) -> list[str]:
         elif low is not None:
             wrong = [number for number in each if not (_is_number(number) and low <= number <= high)]
             said = dict.fromkeys(map(repr, wrong))  # what every joint has is said once
-            faults += [f"{entry.name} is {number}, must be in {low:g}..{high:g} {unit}" for number in said]
+            faults += [
+                f"{entry.name} is {number}, must be in {low:g}..{high:g}{'' if unit == '1' else f' {unit}'}"
+                for number in said
+            ]
         else:
             kind = int if entry.name.endswith("_mode") else str
             wrong = [item for item in each if not isinstance(item, kind)]

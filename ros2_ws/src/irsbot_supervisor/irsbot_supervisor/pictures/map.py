@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from matplotlib.patches import Rectangle as Patch
 
 from irsbot_kinematics.arithmetic import Array
 from irsbot_kinematics.design.rectangle import Rectangle
+from irsbot_kinematics.forces import ForceWorkspace
 from irsbot_kinematics.maps import Locus, Map
 
 COLOURS = {"type1": "black", "type2": "#d62728"}
@@ -24,8 +26,9 @@ def draw_map(
     points: Array,
     rectangle: Rectangle | None,
     target: Path,
+    crossings: Array,
 ) -> None:
-    """Write a PNG of one quantity of a map."""
+    """Write a PNG of one quantity of a map. crossings: (N, 2) places of Type 2 where its curves are not known."""
     values = getattr(found, what)
     wide = found.first[-1] - found.first[0]
     tall = found.second[-1] - found.second[0]
@@ -43,6 +46,8 @@ def draw_map(
             label = None if curve.kind in named else NAMES[curve.kind]
             named.add(curve.kind)
             axes.plot(*curve.points.T, color=COLOURS[curve.kind], linewidth=1.4, label=label)
+    if len(crossings):
+        axes.plot(*crossings.T, ".", color=COLOURS["type2"], markersize=2.5, label=f"{NAMES['type2']}, off the grid")
     if len(points):
         axes.plot(
             *points.T, "o", color="#d62728", markersize=6, markeredgecolor="white", label="constraint singularity"
@@ -58,6 +63,41 @@ def draw_map(
     axes.set_aspect("equal")
     axes.set_xlim(found.first[0], found.first[-1])
     axes.set_ylim(found.second[0], found.second[-1])
+    if axes.get_legend_handles_labels()[1]:
+        axes.legend(loc="upper right", fontsize="small", facecolor="#bbbbbb")
+    figure.savefig(target, dpi=120)
+
+
+def draw_force_map(
+    names: tuple[str, str],
+    first: Array,
+    second: Array,
+    largest: Array,
+    admissible_n: float,
+    centre: Sequence[float] | None,
+    around: ForceWorkspace | None,
+    title: str,
+    target: Path,
+) -> None:
+    """Write a PNG of the largest leg force, (len(second), len(first)) N, its limit, and a force workspace."""
+    tall = float(np.clip((second[-1] - second[0]) / (first[-1] - first[0]), 0.4, 1.6))
+    figure = Figure(figsize=(8.0, 1.2 + 7.0 * tall), layout="constrained")
+    axes = figure.subplots()
+    shown = axes.contourf(first, second, np.minimum(largest, 2.0 * admissible_n), levels=20, cmap="viridis_r")
+    figure.colorbar(shown, ax=axes, label="largest leg force [N], at most twice the admissible one", shrink=0.8)
+    known = largest[np.isfinite(largest)]
+    if known.size and known.min() < admissible_n < known.max():
+        axes.contour(first, second, largest, levels=[admissible_n], colors="white", linewidths=1.6)
+        axes.plot([], [], color="white", label=f"{admissible_n:g} N")
+    if around is not None and centre is not None:
+        x = centre[0] + around.radius_m * np.cos(around.angle_rad)
+        y = centre[1] + around.radius_m * np.sin(around.angle_rad)
+        axes.plot(x, y, color=COLOURS["type2"], label=f"force workspace, {around.area_m2:.4f} m2")
+        axes.plot(*centre[:2], "+", color=COLOURS["type2"])
+    axes.set_xlabel(f"{names[0]} [m]")
+    axes.set_ylabel(f"{names[1]} [m]")
+    axes.set_title(title)
+    axes.set_aspect("equal")
     if axes.get_legend_handles_labels()[1]:
         axes.legend(loc="upper right", fontsize="small", facecolor="#bbbbbb")
     figure.savefig(target, dpi=120)

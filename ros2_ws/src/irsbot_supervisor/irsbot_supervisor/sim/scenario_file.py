@@ -13,6 +13,9 @@
     run:                                             # once, after the cycles
       - {to: [[0.0, -0.45]]}
     faults: "nan:count=10,at=2.0"
+    elsewhere: cycle                                 # `stand` or `cycle`: a robot whose numbers are not in `robots`, or
+                                                     # of other lengths than the shipped one of its name, stands or
+                                                     # works about its own roomiest posture
 
 A piece is a stroke along poses (`by`: displacements, `to`: poses; straight in task space, corners rounded), a swing
 straight in joint space to a pose in any working mode (`swing_to`, `working_mode`), or a rest (`wait`, s). Strokes and
@@ -35,10 +38,12 @@ from irsbot_msgs_py.records import Cause
 
 from .errors import BadFault, BadScenario
 from .faults import parse_faults
+from .own_workspace import cycle_of, is_shipped, start_of
 from .scenarios import Expectation, Piece, Scenario, Stroke, Swing, Wait
 
 _FOR_ROBOT = {"expect", "start", "working_mode", "cycle", "seconds", "run", "faults"}
-_TOP = {"description", "robots"} | _FOR_ROBOT
+_TOP = {"description", "robots", "elsewhere"} | _FOR_ROBOT
+_ELSEWHERE = ("stand", "cycle")
 _PIECES = {
     "by": {"rounding_m", "speed"},
     "to": {"rounding_m", "speed"},
@@ -55,26 +60,29 @@ def scenario_names() -> tuple[str, ...]:
 
 def scenario_robots(name_or_path: str) -> tuple[str, ...]:
     """Robots that a scenario has numbers for, the default first. Raises BadScenario."""
-    return tuple(_read(name_or_path)[1]["robots"])
+    return tuple(_read(name_or_path)[2]["robots"])
 
 
 def read_scenario(name_or_path: str, robot: Robot | None = None) -> Scenario:
     """A shipped scenario by name, or one from a YAML file, for a robot; without one, for its default robot.
 
-    A robot that the file does not name takes the entry of its topology. Raises BadScenario.
+    A robot that the file does not name takes the entry of its topology; where the file says `elsewhere`, and the robot
+    is not the shipped one of that name, it works in its own workspace. Raises BadScenario.
     """
-    name, said = _read(name_or_path)
+    name, place, said = _read(name_or_path)
     robots: Mapping[str, Any] = said["robots"]
+    if robot is not None and "elsewhere" in said and not (robot.name in robots and is_shipped(robot)):
+        return _in_own_workspace(name, said, robot, place)
     wanted = next(iter(robots)) if robot is None else robot.name
     entry = wanted if wanted in robots or robot is None else robot.mechanism.kind
     if entry not in robots:
-        raise BadScenario(f"{name} has no robot '{wanted}'; it has {', '.join(robots)}")
+        raise BadScenario(f"{place} has no robot '{wanted}'; it has {', '.join(robots)}")
     own = robots[entry] or {}
-    _known(own, _FOR_ROBOT, f"{name}: robots.{entry}")
+    _known(own, _FOR_ROBOT, f"{place}: robots.{entry}")
     merged = {**{key: value for key, value in said.items() if key in _FOR_ROBOT}, **own}
     if "start" not in merged or not (merged.get("cycle") or merged.get("run")):
-        raise BadScenario(f"{name}: robot '{entry}' needs start, and cycle or run")
-    where = f"{name} for {entry}"
+        raise BadScenario(f"{place}: robot '{entry}' needs start, and cycle or run")
+    where = f"{place} for {entry}"
     return Scenario(
         name=name,
         description=str(said.get("description", "")),
@@ -89,15 +97,38 @@ def read_scenario(name_or_path: str, robot: Robot | None = None) -> Scenario:
     )
 
 
-def _read(name_or_path: str) -> tuple[str, dict[str, Any]]:
+def _in_own_workspace(name: str, said: Mapping[str, Any], robot: Robot, place: str) -> Scenario:
+    what = said["elsewhere"]
+    if what not in _ELSEWHERE:
+        raise BadScenario(f"{place}: elsewhere is {what!r}, must be {' or '.join(_ELSEWHERE)}")
+    start, cycle = (start_of(robot), ()) if what == "stand" else cycle_of(robot)
+    run = () if cycle else (Wait(0.0),)
+    description = str(said.get("description", "")) if what == "stand" else "there and back about its roomiest posture"
+    expect = _expectation(said.get("expect"), place)
+    return Scenario(
+        name,
+        description,
+        robot.name,
+        expect,
+        start,
+        cycle=cycle,
+        run=run,
+        faults=_faults(said.get("faults", ""), place),
+    )
+
+
+def _read(name_or_path: str) -> tuple[str, str, dict[str, Any]]:
+    """Its name, what messages call it, and what it says."""
     path = Path(name_or_path)
     if path.suffix in (".yaml", ".yml"):
         try:
-            name, text = path.stem, path.read_text(encoding="utf-8")
+            name, place, text = path.stem, str(path), path.read_text(encoding="utf-8")
         except OSError as error:
             raise BadScenario(f"{path}: {error.strerror}") from None
+        except UnicodeDecodeError:
+            raise BadScenario(f"{path}: not a text in UTF-8") from None
     elif name_or_path in scenario_names():
-        name = name_or_path
+        name = place = name_or_path
         file = resources.files("irsbot_supervisor").joinpath(f"scenarios/{name}.yaml")
         text = file.read_text(encoding="utf-8")
     else:
@@ -105,11 +136,11 @@ def _read(name_or_path: str) -> tuple[str, dict[str, Any]]:
     try:
         said = yaml.safe_load(text)
     except yaml.YAMLError as error:
-        raise BadScenario(f"{name}: not YAML: {' '.join(str(error).split())}") from None
-    _known(said, _TOP, name)
+        raise BadScenario(f"{place}: not YAML: {' '.join(str(error).split())}") from None
+    _known(said, _TOP, place)
     if not isinstance(said.get("robots"), dict) or not said["robots"]:
-        raise BadScenario(f"{name}: robots must name at least one robot")
-    return name, said
+        raise BadScenario(f"{place}: robots must name at least one robot")
+    return name, place, said
 
 
 def _known(said: Any, keys: set[str], where: str) -> None:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import floor, inf
+from math import floor, inf, remainder
 
 from irsbot_kinematics import Mechanism
 from irsbot_kinematics.arithmetic import FLOATS
-from irsbot_kinematics.mechanism import Floats, Signs
+from irsbot_kinematics.mechanism import Floats, Signs, Status
 from irsbot_kinematics.tolerances import REACH_TOL_M
 from irsbot_msgs_py.records import Cause
 from irsbot_supervisor.core.motion import JointLimits, JointPath, Motion
@@ -19,6 +19,9 @@ from .trajectory import Course, nearest_turn, stand, stroke, swing
 
 CYCLE_TOL = 1e-9
 """rad or m: how far from its begin a cycle may end; far above the rounding of one cycle, invisible to any encoder."""
+
+SAME_POSE = 1e-6
+"""m or rad: the direct kinematics gives a pose back to this; far above its rounding, far below any other assembly."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +83,11 @@ class Scenario:
     faults: str = ""
     """A fault line, see `faults`."""
 
+    @property
+    def stands(self) -> bool:
+        """Whether the robot moves by command alone."""
+        return all(isinstance(piece, Wait) for piece in (*self.cycle, *self.run))
+
 
 def plan(
     scenario: Scenario, mechanism: Mechanism, limits: JointLimits, *, speed: float = 1.0, seconds: float | None = None
@@ -110,6 +118,7 @@ class _Planner:
         self._mode = scenario.working_mode or mechanism.usual_working_mode
         self._pose = self._checked(scenario.start, "start")
         self.joints = self._inverse(self._pose, self._mode, "start")
+        self._check_assembly()
 
     def drive(self, piece: Piece, where: str) -> JointPath:
         """The motion of a piece from where the robot is."""
@@ -120,6 +129,23 @@ class _Planner:
         self._check_ranges(path, where)
         self.joints = path.positions[-1]
         return path
+
+    def _check_assembly(self) -> None:
+        """Encoders do not tell the assembly mode: a supervisor would believe in another pose than the true one."""
+        usual = self._mechanism.usual_assembly_mode
+        if self._begins_in(usual):
+            return
+        found = [mode for mode in self._mechanism.assembly_modes if self._begins_in(mode)]
+        said = f"in assembly mode {found[0]:+d}" if found else "in no assembly mode, at a Type 2 singularity"
+        text = f"the pose {self._pose} is {said}, the robot is configured for {usual:+d}"
+        raise BadScenario(f"{self._name}: start: {text}; change the start, or usual.assembly_mode in the robot file")
+
+    def _begins_in(self, assembly: int) -> bool:
+        found = self._mechanism.posture(self.joints, assembly)
+        axes = zip(self._mechanism.task, found.pose, self._pose, strict=True)
+        return found.status == Status.SOLVED and all(
+            abs(remainder(seen - wanted, axis.turn)) <= SAME_POSE for axis, seen, wanted in axes
+        )
 
     def _check_ranges(self, path: JointPath, where: str) -> None:
         for joint, column in zip(self._mechanism.joints, zip(*path.positions, strict=True), strict=True):

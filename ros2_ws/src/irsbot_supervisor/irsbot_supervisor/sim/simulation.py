@@ -74,8 +74,6 @@ def simulation_from(values: Mapping[str, Any], robot: Robot) -> Simulation:
     names = simulation.joint_names
     if len(names) != len(joints) or len(set(names)) != len(names):
         raise BadSetting(f"joint_names {list(names)} must be {len(joints)} different names")
-    if simulation.gated and simulation.scenario != STANDING:
-        raise BadSetting(f"gated joints move by command alone: the scenario must be {STANDING!r}")
     for name, low, high in (
         ("rate_hz", 1.0, 20000.0),
         ("speed", 0.0, 1.0),
@@ -94,6 +92,10 @@ def build(simulation: Simulation, robot: Robot) -> tuple[Machine, Scenario]:
     """The machine at the start of its scenario. Raises SimulationError."""
     mechanism = robot.mechanism
     scenario = read_scenario(simulation.scenario, robot)
+    if simulation.gated and not scenario.stands:
+        raise BadSetting(
+            f"gated joints move by command alone: the scenario must be {STANDING!r} or one that only waits"
+        )
     limits = JointLimits(simulation.velocity_limit, simulation.acceleration_limit, simulation.deceleration_limit)
     motion = plan(scenario, mechanism, limits, speed=simulation.speed, seconds=simulation.cycle_s or None)
     encoder = Encoder(simulation.encoder_resolution, simulation.encoder_noise, simulation.seed)

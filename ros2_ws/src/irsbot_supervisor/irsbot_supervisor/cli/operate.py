@@ -1,0 +1,224 @@
+"""`send`, `reset`, `set`, `verdict`: what an operator does with a running suite, without the ros2 tool."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+import typer
+
+from irsbot_kinematics import BadInput
+from irsbot_msgs_py.records import Level, Verdict
+from irsbot_supervisor.cli.common import NUMBERS, Failed, existing, numbers, out, print_json
+from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.replay import cause_names
+
+if TYPE_CHECKING:
+    from irsbot_supervisor.operating import Answer, Operator
+
+Domain = Annotated[int, typer.Option(help="DDS domain", envvar="ROS_DOMAIN_ID", min=0, max=232)]
+Namespace = Annotated[str, typer.Option(help="namespace of the suite")]
+Patience = Annotated[float, typer.Option(help="how long an answer is waited for, s", min=0.1, max=600.0)]
+AsJson = Annotated[bool, typer.Option("--json", help="print JSON")]
+
+app = typer.Typer(
+    help="Send velocities or a trajectory through the command gate of a running suite.",
+    no_args_is_help=True,
+    rich_markup_mode=None,
+)
+
+LONGEST_S = 3600.0
+"""s of velocities: whoever wants more has no operator's command in mind."""
+
+
+def verdict(
+    follow: Annotated[bool, typer.Option("--follow", help="print every change until Ctrl-C")] = False,
+    domain: Domain = 0,
+    namespace: Namespace = "",
+    wait: Patience = 5.0,
+    as_json: AsJson = False,
+) -> None:
+    """Tell the verdict of a running supervisor. Exit code 1 at STOP and UNKNOWN, and where none is heard.
+
+    Example: irsbot verdict --follow
+    """
+    with _operator(domain, namespace, wait) as operator:
+        said = _asked(operator.verdict)
+        _tell(said, as_json)
+        try:
+            while follow:
+                before, said = said, _asked(operator.verdict)
+                if (said.level, said.causes, said.event, said.latched) != (
+                    before.level,
+                    before.causes,
+                    before.event,
+                    before.latched,
+                ):
+                    _tell(said, as_json)
+        except KeyboardInterrupt:
+            pass
+    if said.level >= Level.STOP:
+        raise Failed(f"{said.level.name}: the robot must brake")
+
+
+def reset(
+    event: Annotated[int, typer.Argument(help="number of the stop, as `irsbot verdict` tells it", min=0)],
+    by: Annotated[str, typer.Option(help="who resets")],
+    because: Annotated[str, typer.Option(help="why that is safe")],
+    seed_pose: Annotated[str | None, typer.Option(help="where the platform is, as seen: 0.3,-0.75")] = None,
+    domain: Domain = 0,
+    namespace: Namespace = "",
+    wait: Patience = 5.0,
+    as_json: AsJson = False,
+) -> None:
+    """End a latched stop that a person has looked at. Exit code 1 if the supervisor refuses, with its reason.
+
+    Example: irsbot reset 3 --by Ann --because "the work piece was taken out"
+    """
+    if not by.strip() or not because.strip():
+        raise BadInput("--by and --because must say who and why: they are kept in the record")
+    parts = seed_pose.split(",") if seed_pose is not None else []
+    pose = numbers(parts, "--seed-pose", len(parts))
+    with _operator(domain, namespace, wait) as operator:
+        answer = _asked(lambda: operator.reset(event, f"{by.strip()}: {because.strip()}", pose))
+    _done(answer, f"stop {event} is reset", as_json)
+
+
+def set_(
+    words: Annotated[list[str], typer.Argument(metavar="NAME VALUE..", help="one or more settings with their values")],
+    domain: Domain = 0,
+    namespace: Namespace = "",
+    wait: Patience = 30.0,
+    as_json: AsJson = False,
+) -> None:
+    """Change settings of a running supervisor, all of them or none. Exit code 1 if it refuses, with its reason.
+
+    Example: irsbot set type2_warn 0.3 type2_stop 0.2
+    """
+    values = _values(words)
+    with _operator(domain, namespace, wait) as operator:
+        answer = _asked(lambda: operator.set(values))
+    _done(answer, f"set {', '.join(values)}", as_json)
+
+
+@app.command(context_settings=NUMBERS)
+def velocity(
+    rates: Annotated[list[str], typer.Argument(help="of every joint, rad/s or m/s, robot order")],
+    seconds: Annotated[float, typer.Option(help="for so long, then zero")] = 1.0,
+    domain: Domain = 0,
+    namespace: Namespace = "",
+    wait: Patience = 5.0,
+    as_json: AsJson = False,
+) -> None:
+    """Send joint velocities for a while, then zero. Exit code 1 if the gate let none of them through.
+
+    Example: irsbot send velocity 0.5 -0.5 --seconds 2
+    """
+    wanted = numbers(rates, "velocities", len(rates))
+    if not 0.0 < seconds <= LONGEST_S:
+        raise BadInput(f"--seconds is {seconds:g}, must be above 0 and at most {LONGEST_S:g}")
+    with _operator(domain, namespace, wait) as operator:
+        passed = _asked(lambda: operator.send_velocity(wanted, seconds))
+    largest = max(passed, key=lambda row: max(map(abs, row), default=0.0), default=())
+    if as_json:
+        print_json({"sent": wanted, "let_through": len(passed), "largest": largest})
+    if any(wanted) and not any(largest):
+        raise Failed("the gate holds: nothing was let through; ask `irsbot verdict` why")
+    if not as_json:
+        out.print(f"let through, at most: {' '.join(f'{value:g}' for value in largest)}")
+
+
+@app.command()
+def trajectory(
+    file: Annotated[Path, typer.Argument(help="CSV: time_s, the joints, and NAME_velocity or not")],
+    domain: Domain = 0,
+    namespace: Namespace = "",
+    wait: Patience = 30.0,
+    as_json: AsJson = False,
+) -> None:
+    """Send a motion of the joints. Exit code 1 if the gate holds the robot instead.
+
+    Example: irsbot send trajectory motion.csv
+    """
+    from irsbot_supervisor.columns import column_names, read_motion  # polars takes its time to load
+
+    columns = column_names(existing(file, "the motion"))
+    names = [name for name in columns if name != "time_s" and not name.endswith("_velocity")]
+    times, positions, velocities = read_motion(file, names)
+    if len(velocities) and np.any(velocities[-1]):
+        raise BadInput(f"{file}: the last row must be at rest, its velocities are {velocities[-1].tolist()}")
+    with _operator(domain, namespace, wait) as operator:
+        passed = _asked(
+            lambda: operator.send_trajectory(names, times.tolist(), positions.tolist(), velocities.tolist())
+        )
+    if as_json:
+        print_json({"sent": len(times), "let_through": len(passed.points)})
+    if len(passed.points) <= 1 < len(times):
+        raise Failed("the gate holds the robot; ask `irsbot check-trajectory` and `irsbot verdict` why")
+    if not as_json:
+        out.print(f"the gate let {len(passed.points)} points through, of {len(times)}")
+
+
+def _operator(domain: int, namespace: str, wait: float) -> Operator:
+    from irsbot_supervisor.operating import Operator  # needs ROS, which the other commands do not
+
+    return Operator(domain, namespace.strip("/"), wait)
+
+
+def _asked(question: Any) -> Any:
+    from irsbot_supervisor.operating import NobodyThere
+
+    try:
+        return question()
+    except NobodyThere as error:
+        raise Failed(str(error)) from None
+
+
+def _done(answer: Answer, text: str, as_json: bool) -> None:
+    if as_json:
+        print_json(answer._asdict())
+    if not answer.accepted:
+        raise Failed(f"refused: {answer.message}")
+    if not as_json:
+        out.print(text)
+
+
+def _tell(said: Verdict, as_json: bool) -> None:
+    causes = cause_names(said.causes)
+    if as_json:
+        print_json(
+            {**said._asdict(), "level": said.level.name, "causes": causes, "findings": [f.text for f in said.findings]}
+        )
+        return
+    stop = f", stop {said.event} is latched: ./irsbot reset {said.event}" if said.latched else ""
+    out.print(f"{said.level.name}{f' ({causes})' if causes else ''}: speed up to {said.speed_scale:.0%}{stop}")
+    for finding in said.findings:
+        out.print(f"  {finding.text}")
+
+
+def _values(words: list[str]) -> dict[str, Any]:
+    """Names with their values, as the supervisor declares them. Raises BadInput."""
+    known = {entry.name: entry for entry in fields(Settings)}
+    found: dict[str, list[str]] = {}
+    for word in words:
+        if word in known and word not in found:
+            found[word] = []
+        elif not found:
+            raise BadInput(f"no setting '{word}'; `irsbot settings` lists them")
+        else:
+            found[next(reversed(found))].append(word)
+    values: dict[str, Any] = {}
+    for name, said in found.items():
+        metadata = known[name].metadata
+        if metadata.get("read_only"):
+            raise BadInput(f"{name} is read at the start alone")
+        if not said or (len(said) > 1 and not metadata.get("each_joint")):
+            raise BadInput(f"{name} needs {'a value' if not said else 'one value'}, got {' '.join(said) or 'none'}")
+        if metadata.get("words"):
+            values[name] = said[0]
+            continue
+        given = numbers(said, name, len(said))
+        values[name] = list(given) if metadata.get("each_joint") else given[0]
+    return values

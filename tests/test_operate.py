@@ -1,0 +1,98 @@
+"""An operator's commands against a running suite, and what they refuse before they ask anybody."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import redirect_stdout
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
+
+from irsbot_supervisor.operating import NobodyThere, Operator
+from irsbot_supervisor.suite import GATED, JOINTS, SUPERVISOR, Node, Suite, free_domain
+
+pytestmark = [
+    pytest.mark.ros,
+    pytest.mark.slow,
+    pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning"),
+]
+
+PAGE = Path(__file__).parents[1] / "docs" / "operating.md"
+IRSBOT = [sys.executable, "-m", "irsbot_supervisor"]
+PATIENCE_S = 120.0
+"""s a test waits for an event on a busy machine."""
+
+
+@pytest.fixture(scope="module")
+def domain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
+    """A gated robot that stands; a busy machine may stop it, and every test says what it needs."""
+    number = free_domain()
+    with Suite(tmp_path_factory.mktemp("logs"), number) as suite:
+        suite.start(Node("supervisor", SUPERVISOR, {"robot": "irsbot2"}))
+        drives = {"robot": "irsbot2", "scenario": "stand", "gated": True, "listeners": 1}
+        suite.start(Node("simulated_joints", JOINTS, drives, GATED))
+        with Operator(number, patience_s=PATIENCE_S) as operator:
+            operator.verdict()
+        yield number
+
+
+def irsbot(domain: int, *words: object) -> subprocess.CompletedProcess[str]:
+    command = [*IRSBOT, *map(str, words), "--domain", str(domain), "--wait", str(PATIENCE_S)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=2.0 * PATIENCE_S)
+
+
+def test_the_verdict_is_told_with_its_exit_code(domain: int) -> None:
+    done = irsbot(domain, "verdict", "--json")
+    said = json.loads(done.stdout)
+    assert done.returncode == (1 if said["level"] in ("STOP", "UNKNOWN") else 0)
+    assert said["config_hash"]
+
+
+def test_a_reset_of_another_stop_is_refused_with_the_reason(domain: int) -> None:
+    done = irsbot(domain, "reset", 4711, "--by", "Ann", "--because", "looked at it")
+    assert done.returncode == 1
+    assert done.stderr.startswith("irsbot: refused: ")
+
+
+def test_settings_change_all_or_none(domain: int) -> None:
+    assert irsbot(domain, "set", "type2_warn", 0.31, "type1_warn", 0.32).returncode == 0
+    done = irsbot(domain, "set", "type1_warn", 0.4, "type2_warn", 0.05)
+    assert done.returncode == 1
+    assert "type2_warn (0.05) must be at least type2_stop" in done.stderr
+    with Operator(domain, patience_s=PATIENCE_S) as operator:
+        hashed = operator.verdict().config_hash
+        operator.set({"type1_warn": 0.32})  # as it is: nothing of the refused call was taken
+        assert operator.verdict().config_hash == hashed
+
+
+def test_commands_go_through_the_gate_or_it_is_told_that_it_holds(domain: int) -> None:
+    done = irsbot(domain, "send", "velocity", 0.05, -0.05, "--seconds", 0.3)
+    assert (done.returncode, "let through" in done.stdout) in ((0, True), (1, False))
+    assert done.returncode == 0 or "the gate holds" in done.stderr
+
+
+def test_nobody_on_a_domain_is_told_in_one_line() -> None:
+    number = free_domain()
+    done = subprocess.run(
+        [*IRSBOT, "verdict", "--domain", str(number), "--wait", "0.5"], capture_output=True, text=True, timeout=60
+    )
+    assert done.returncode == 1
+    assert done.stderr == f"irsbot: no verdict on supervisor/verdict in 0.5 s (DDS domain {number})\n"
+    with Operator(number, patience_s=0.1) as operator, pytest.raises(NobodyThere, match="no service supervisor/reset"):
+        operator.reset(1, "nobody")
+
+
+def test_the_example_of_the_page_runs(domain: int) -> None:
+    (source,) = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    assert len(source.splitlines()) <= 20
+    printed = io.StringIO()
+    with redirect_stdout(printed):
+        exec(compile(source.replace("domain=0", f"domain={domain}, patience_s={PATIENCE_S}"), str(PAGE), "exec"), {})
+    assert "set" in printed.getvalue()
