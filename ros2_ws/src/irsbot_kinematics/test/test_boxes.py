@@ -16,6 +16,7 @@ from irsbot_kinematics.boxes import reached
 from irsbot_kinematics.mechanism import Mechanism
 from irsbot_kinematics.mechanisms.delta_family import DeltaGeometry
 from irsbot_kinematics.mechanisms.orthoglide import Orthoglide
+from irsbot_kinematics.mechanisms.sliding_platform import SlidingPlatform
 
 ROUNDING = 1e-10
 """A bound is exact to rounding where the box is a point; samples are computed with rounding of their own."""
@@ -154,6 +155,7 @@ def joints_that_turn(robot, at, turns):
 def test_near_ends_and_lengths_of_rods_stay_within_what_is_said_of_a_box(name):
     """And they use it."""
     robot, rng, used = ROBOTS[name], np.random.default_rng(38), np.zeros(2)
+    straight = isinstance(robot.mechanism, SlidingPlatform)  # nothing is allowed for, so that nothing is used
     for at in random_postures(robot, rng, 60):
         travel = random_travel(robot, rng, 0.03)
         s = in_box(rng, len(travel), 40)
@@ -168,6 +170,7 @@ def test_near_ends_and_lengths_of_rods_stay_within_what_is_said_of_a_box(name):
             longer = np.abs(how.longer[:, i] - s[:, i] * rod.growth)
             uncertain = rod.aside if rod.uncertain is None else rod.uncertain
             assert (off <= rod.aside + 1e-14).all()
+            assert not straight or rod.aside == rod.growth_aside == 0.0
             assert (longer <= rod.growth_aside + 1e-14).all()
             assert (along >= min(-rod.bend, 0.0) - uncertain - 1e-14).all()
             assert (along <= max(-rod.bend, 0.0) + uncertain + 1e-14).all()
@@ -176,7 +179,7 @@ def test_near_ends_and_lengths_of_rods_stay_within_what_is_said_of_a_box(name):
                 used[0] = max(used[0], (off + longer).max() / (rod.aside + rod.growth_aside))
             if abs(rod.bend) + rod.growth_aside > 1e-6:
                 used[1] = max(used[1], (np.abs(along) + longer).max() / (abs(rod.bend) + rod.growth_aside))
-    assert min(used) > 0.9, "more is allowed for than happens"
+    assert straight or min(used) > 0.9, "more is allowed for than happens"
 
 
 # --- machines that are wrong ---
