@@ -45,6 +45,7 @@ RUNS = {
     "constraint": Run("irsbot2_csc", "constraint", 1.3),
     "orthoglide": Run("orthoglide", "demo", 2.1, cycle_s=1e-3),
     "cuspidal_loop": Run("rrr3_at_a_cusp.yaml", str(HERE / "around_a_cusp.yaml"), 5.5),
+    "cuspidal_struts": Run("rpr3", "cusp", 4.5),
     "stop_and_reset": Run(
         "irsbot2", str(HERE / "down_and_up.yaml"), 1.5, "latency:by=0.03,at=0.4,lasting=0.15", (0.47, 0.9)
     ),

@@ -45,14 +45,23 @@ def test_there_are_ten_bags_and_the_list_of_them_is_complete() -> None:
     assert len(BAGS) >= 10
 
 
-def test_round_a_cusp_the_joints_come_back_and_the_supervisor_knows_the_other_pose() -> None:
+@pytest.mark.parametrize(
+    ("bag", "before", "after", "margin"),
+    [
+        ("cuspidal_loop", (0.08076, 0.03511, 1.22907), (0.21813, -0.10313, 1.77226), 0.12),
+        ("cuspidal_struts", (0.10587, -0.13301, -0.09401), (-0.00727, 0.16984, 0.11306), 0.25),
+    ],
+)
+def test_round_a_cusp_the_joints_come_back_and_the_supervisor_knows_the_other_pose(
+    bag: str, before: tuple[float, ...], after: tuple[float, ...], margin: float
+) -> None:
     """Poses of docs/algebra.md: found there by a proved path, here by the supervisor."""
-    with Tape(ROOT / "bags" / "cuspidal_loop") as tape:
+    with Tape(ROOT / "bags" / bag) as tape:
         states = [entry.record for entry in tape.records() if isinstance(entry.record, SingularityState)]
     assert states[0].joint_position == states[-1].joint_position
-    assert states[0].pose == pytest.approx((0.08076, 0.03511, 1.22907), abs=2e-4)  # as fine as the encoders
-    assert states[-1].pose == pytest.approx((0.21813, -0.10313, 1.77226), abs=2e-4)
-    assert min(state.type2_margin for state in states) > 0.12
+    assert states[0].pose == pytest.approx(before, abs=2e-4)  # as fine as the encoders
+    assert states[-1].pose == pytest.approx(after, abs=2e-4)
+    assert min(state.type2_margin for state in states) > margin
 
 
 def test_a_recording_that_begins_in_the_middle_of_the_work_is_judged_from_there(tmp_path: Path) -> None:

@@ -95,6 +95,20 @@ def rails(robot: irs.Robot, q: Any, x: Any) -> tuple[list[Parts], list[Any]]:
     return legs, [x]
 
 
+def slides(robot: irs.Robot, q: Any, x: Any) -> tuple[list[Parts], list[Any]]:
+    """Struts of actuated length, and carriages with rods."""
+    m, (c, s) = robot.mechanism, (np.cos(x[2]), np.sin(x[2]))
+    legs = []
+    for foot, (bx, by), rail, joint, at in zip(m.feet, m.corners, m.rails, m.joints, q, strict=True):
+        corner = [x[0] + c * bx - s * by, x[1] + s * bx + c * by]
+        if rail is None:
+            legs.append(Parts([foot, corner]))
+        else:
+            near, first, last = (np.add(foot, np.multiply(far, rail.way)) for far in (at, joint.lower, joint.upper))
+            legs.append(Parts([near, corner], (first, last)))
+    return legs, [leg.points[-1] for leg in legs]
+
+
 def prr3(robot: irs.Robot, q: Any, x: Any) -> tuple[list[Parts], list[Any]]:
     m, g, (px, py, phi) = robot.mechanism, robot.mechanism.geometry, x
     tip = (px + g.b * np.cos(phi), py + g.b * np.sin(phi))
@@ -116,6 +130,9 @@ SHOWN: dict[str, tuple[str, Any, tuple[float, ...]]] = {
     "triaglide": ("triaglide", rails, (-0.1, 2.2, 0.8)),
     "uranesx": ("uranesx", rails, (-0.1, 0.05, -1.2)),
     "linear_delta": ("linear_delta", rails, (0.05, 0.0, 0.1)),
+    "rpr3": ("rpr3", slides, (-0.09, 0.28, -0.28)),
+    "rails3": ("rails3", slides, (0.23, 0.1, 0.9)),
+    "rpr_2prr": ("rpr_2prr", slides, (0.24, 0.47, -1.05)),
     "prr3": (str(HERE.parent / "examples" / "prr3" / "prr3.yaml"), prr3, (0.0, 0.28, 2.0)),
 }
 """Per picture the robot, how its parts lie, and a good pose in its usual working mode."""

@@ -58,7 +58,7 @@ def trigonometric_roots(values: Array) -> tuple[Array, Array]:
 Pair = tuple[Array, Array]
 
 
-def planar_position(ends: Sequence[Pair], lengths_m: Sequence[float]) -> tuple[Pair, Array]:
+def planar_position(ends: Sequence[Pair], lengths_m: Sequence[Array | float]) -> tuple[Pair, Array]:
     """a and D with D P = a: the P that the differences of |P + k_i|^2 = length_i^2, i = 1, 2, 3, leave; two lines.
 
     ends: k_i (x, y), m: the platform joint, seen from P, less the base point of its leg.
@@ -70,9 +70,31 @@ def planar_position(ends: Sequence[Pair], lengths_m: Sequence[float]) -> tuple[P
     return (h2 * y3 - h3 * y2, h3 * x2 - h2 * x3), x2 * y3 - y2 * x3
 
 
-def planar_closing(ends: Sequence[Pair], lengths_m: Sequence[float]) -> Array:
+def planar_closing(ends: Sequence[Pair], lengths_m: Sequence[Array | float]) -> Array:
     """|a|^2 + 2 D a.k_1 + D^2 (|k_1|^2 - length_1^2), m^6: 0 where three legs of given lengths meet a platform."""
     (ax, ay), D = planar_position(ends, lengths_m)
     kx, ky = ends[0]
     closing: Array = ax * ax + ay * ay + 2.0 * D * (ax * kx + ay * ky) + D * D * (kx * kx + ky * ky - lengths_m[0] ** 2)
     return closing
+
+
+def planar_meetings(
+    ends: Sequence[Pair], lengths_m: Sequence[Array | float], turn: Array
+) -> tuple[Array, Array, Array]:
+    """x, y and turn (N, 2 M) of both points where the circle of leg 1 meets that of leg 2 or 3, whichever has its
+    centre farther away; turn: (N, M).
+
+    P = a/D of `planar_position` is one of them, but is 0/0 where two poses share a turn.
+    """
+    (x1, y1), (x2, y2), (x3, y3) = ends
+    first, second, third = lengths_m
+    farther = np.hypot(x3 - x1, y3 - y1) > np.hypot(x2 - x1, y2 - y1)
+    x2, y2, second = np.where(farther, x3, x2), np.where(farther, y3, y2), np.where(farther, third, second)
+    dx, dy = x1 - x2, y1 - y2  # from centre to centre: they are at minus the ends
+    square = dx * dx + dy * dy
+    along = 0.5 * (1.0 + (first - second) * (first + second) / square)
+    aside = np.sqrt(np.maximum(first * first / square - along * along, 0.0))
+    x, y = along * dx - x1, along * dy - y1
+    both_x = np.concatenate([x - aside * dy, x + aside * dy], axis=1)
+    both_y = np.concatenate([y + aside * dx, y - aside * dx], axis=1)
+    return both_x, both_y, np.tile(turn, (1, 2))

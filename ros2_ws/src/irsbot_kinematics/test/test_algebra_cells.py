@@ -78,15 +78,18 @@ def slice_17():
     )
 
 
-def companion_counts(rho):
-    """Direct solutions of the 3-RPR from the roots of a companion matrix of Fourier samples, (N,)."""
-    b = [(0.0, 0.0), (17.04, 0.0), (13.2363732394, 16.0967084668)]
+def companion_roots(rho, b3=(13.2363732394, 16.0967084668)):
+    """Turns (N, 6) of the 3-RPR from a companion matrix of Fourier samples, and how far they are from real."""
+    b = [(0.0, 0.0), (17.04, 0.0), b3]
     a = [(0.0, 0.0), (15.91, 0.0), (0.0, 10.0)]
     c, s = np.cos(SAMPLED_TURNS), np.sin(SAMPLED_TURNS)
     ends = [(bx * c - by * s - ax, bx * s + by * c - ay) for (bx, by), (ax, ay) in zip(b, a, strict=True)]
-    values = np.array([planar_closing(ends, lengths) for lengths in rho])
-    _, unreal = trigonometric_roots(values)
-    return (unreal < 1e-6).sum(axis=1)
+    return trigonometric_roots(np.array([planar_closing(ends, lengths) for lengths in rho]))
+
+
+def companion_counts(rho):
+    """Direct solutions (N,)."""
+    return (companion_roots(rho)[1] < 1e-6).sum(axis=1)
 
 
 def test_cells_of_the_3rpr_slice(slice_17):
@@ -147,6 +150,38 @@ def test_numbers_on_the_walls_lie_between_their_sides(slice_17):
         assert arc.count == sum(sides) // 2
     ortho = algebra.decompose(algebra.predefined("orthoglide"), ("x", "y"), ((-2, 2), (-2, 6)), {"z": 1})
     assert {arc.count for arc in algebra.wall_counts(ortho)} == {0, 1, 4}
+
+
+def test_numbers_at_cusps_crossings_and_tangents_are_those_of_distinct_solutions(slice_17):
+    """Counted by the companion matrix at the vertex: roots closer than its rounding there are one."""
+    found = algebra.wall_vertices(slice_17)
+    cusps = sorted(v.point for v in found if v.kind == "cusp")
+    np.testing.assert_allclose(cusps, [row[:2] for row in CUSPS["17"]], atol=1e-6)
+    assert [sum(v.kind == kind for v in found) for kind in ("crossing", "tangent", "unknown")] == [6, 3, 0]
+    for vertex in found:
+        turns, unreal = companion_roots([(17.0, *vertex.point)], (13.236373, 16.096708))  # as the slice was rounded
+        real = np.sort(turns[unreal < 1e-2])
+        assert vertex.count == np.sum(np.diff(real, append=real[0] + 2.0 * pi) > 2e-2), vertex
+
+
+@pytest.mark.parametrize("name", ["orthoglide", "hybridglide", "triaglide"])
+def test_numbers_at_the_vertices_of_a_workspace_are_products_over_the_legs(name):
+    """rho = (P - o).u +- sqrt(D), in the open range (0, 4); one where D is 0."""
+    cells = algebra.decompose(algebra.predefined(name), ("x", "y"), ((-2, 2), (-2, 6)), {"z": 1})
+    found = [v for v in algebra.wall_vertices(cells) if v.count is not None]
+    rails = make_robot(name).mechanism.rails
+    for vertex in found:
+        product = 1
+        for origin, way in rails:
+            to = np.array([*vertex.point, 1.0]) - origin
+            along = to @ way
+            square = 4.0 - to @ to + along * along
+            assert abs(square) < 1e-6 or abs(square) > 1e-3, "the vertex is found to 1e-6"
+            slides = [] if square < -1e-6 else {along + sign * sqrt(max(square, 0.0)) for sign in (1, -1)}
+            slides = [along] if abs(square) < 1e-6 else slides
+            product *= sum(1e-4 < slide < 4.0 - 1e-4 for slide in slides)
+        assert vertex.count == product, vertex
+    assert len({v.count for v in found}) > 1
 
 
 def test_a_second_call_comes_from_the_cache_and_can_do_the_same(tmp_path):

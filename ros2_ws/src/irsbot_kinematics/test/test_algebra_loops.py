@@ -49,6 +49,7 @@ RPR = [
     ((17, 15.922556, 6.285145), 1.745329, (-16.98527, -0.70761, 0.00079), (-16.28993, 4.86193, -0.28980), 429.74),
 ]
 
+CUSPIDAL, UNKNOWN = ("rrr3_base", "ruu4", "rpr3"), ("rails3", "rpr_2prr")
 PRINTED = 1.5e-5
 """rad or length: poses are printed with 5 digits, centres with 6; near a cusp a pose moves farther than the joints."""
 
@@ -101,9 +102,25 @@ def test_a_path_through_a_singularity_is_not_certified():
         assert found.lost_at == 0
 
 
+@pytest.mark.parametrize(("centre", "start", "before", "after", "det"), RPR)
+def test_the_robot_with_struts_follows_the_loops_of_the_3rpr(centre, start, before, after, det):
+    """1 cm instead of 1; the screws of the robot are unit, those of the system as long as the struts."""
+    path = circle([0.01 * value for value in centre], (2, 3), 0.003, start)
+    found = irs.certify_loop(path, "rpr3", (0.01 * before[0], 0.01 * before[1], before[2]))
+    assert found.certified
+    assert found.changed
+    for pose, printed in ((found.start, before), (found.end, after)):
+        assert pose * (100.0, 100.0, 1.0) == pytest.approx(printed, abs=PRINTED)
+    # |det| of halved rows in cm is that of unit rows times the struts, 1 cm for each moment
+    wide = irs.certify_loop(circle(centre, (2, 3), 0.3, start), algebra.predefined("3rpr"), before)
+    assert wide.smallest_det / 8.0 == pytest.approx(det, abs=0.006)
+    sizes = np.prod(100.0 * path, axis=1)
+    assert sizes.min() < det / (100.0 * found.smallest_det) < sizes.max()
+
+
 def test_robots_of_two_mirror_modes_are_not_cuspidal():
     for name in irs.robots():
-        expected = "yes" if name in ("rrr3_base", "ruu4") else "no"
+        expected = "yes" if name in CUSPIDAL else "unknown" if name in UNKNOWN else "no"
         assert irs.make_robot(name).cuspidal.answer == expected
         assert irs.make_robot(name).cuspidal.reason
     assert irs.make_robot("rrr3_base", l1=0.5).cuspidal.answer == "unknown"

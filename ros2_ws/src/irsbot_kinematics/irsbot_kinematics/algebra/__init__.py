@@ -20,6 +20,7 @@ from irsbot_kinematics.algebra.roots import RealRoot, is_interval_empty, real_ro
 from irsbot_kinematics.algebra.singular import Projection, project, singularities
 from irsbot_kinematics.algebra.solving import Configuration, configurations
 from irsbot_kinematics.algebra.system import Drawing, System
+from irsbot_kinematics.algebra.vertices import WallVertex, wall_vertices
 
 __all__ = [
     "AlgebraError",
@@ -37,6 +38,7 @@ __all__ = [
     "Region",
     "System",
     "TooLarge",
+    "WallVertex",
     "configurations",
     "constraint_equations",
     "cusps",
@@ -53,4 +55,5 @@ __all__ = [
     "real_roots",
     "singularities",
     "wall_counts",
+    "wall_vertices",
 ]

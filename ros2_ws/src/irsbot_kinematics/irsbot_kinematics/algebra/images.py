@@ -33,17 +33,14 @@ def wall_counts(cells: Cells) -> list[WallArc]:
     """Numbers of distinct solutions on the arcs of the discriminant variety (DVNumberOfSolutionsPlus of [S4]).
 
     On a singular arc solutions meet two by two: half the sum of both sides. Where an inequality becomes an equation
-    its solutions do not count: the smaller side. Certified, because arcs avoid the points where walls meet.
+    its solutions do not count: the smaller side. Certified, because arcs avoid the points where walls meet
+    (`wall_vertices`).
     """
     place = {(cell.column, cell.row): cell for cell in cells.cells}
     plane, found = cells.plane, []
     for column, u in enumerate(plane.columns):
         for row, root in enumerate(plane.stacks[column]):
-            i = next(
-                i
-                for i, curve in enumerate(plane.curves)
-                if curve.at_u(u.numerator, u.denominator).gcd(root.poly).degree() > 0
-            )
+            i = plane.wall_of(u, root)
             below, above = place[column, row], place[column, row + 1]
             fold = cells.wall_kinds[i] == "singular"
             number = (below.count + above.count) // 2 if fold else min(below.count, above.count)

@@ -153,7 +153,7 @@ class Plane:
         span_u, span_v = self.first.high - self.first.low, self.second.high - self.second.low
         for k, root in enumerate(self.criticals):
             self.said("cell graph", k + 1, len(self.criticals))
-            left, right = self._beside(root, span_u)
+            left, right = self.beside(root, span_u)
             stacks = [self.stack(left), self.stack(right)]
             for stack in stacks:
                 for wall in stack:
@@ -178,7 +178,13 @@ class Plane:
                         break
         return found
 
-    def _beside(self, root: RealRoot, span: Fraction) -> tuple[Fraction, Fraction]:
+    def wall_of(self, u: Fraction, root: RealRoot) -> int:
+        """Index of the curve that a root of `stack(u)` belongs to."""
+        shared = (curve.at_u(u.numerator, u.denominator).gcd(root.poly) for curve in self.curves)
+        return next(i for i, part in enumerate(shared) if part.degree() > 0)
+
+    def beside(self, root: RealRoot, span: Fraction) -> tuple[Fraction, Fraction]:
+        """Rational numbers close to a critical value, below and above it. span: of the first coordinate."""
         while root.high - root.low > span / 2**NEAR_BITS and not root.exact:
             root.refine(NEAR_BITS)
         wide = span / 2**NEAR_BITS

@@ -13,10 +13,11 @@ from typing import ClassVar
 import numpy as np
 
 from irsbot_kinematics.arithmetic import FLOATS, Arithmetic, Array, N
-from irsbot_kinematics.assemblies import planar_closing
+from irsbot_kinematics.assemblies import planar_closing, planar_meetings
 from irsbot_kinematics.geometry import require, require_finite, require_size
 from irsbot_kinematics.mechanism import Cuspidal, Floats, Legs, Posture, Status, sign_of
-from irsbot_kinematics.mechanisms.crank_platform import TINY, CrankPlatform, Point
+from irsbot_kinematics.mechanisms.branched_platform import TINY, Point
+from irsbot_kinematics.mechanisms.crank_platform import CrankPlatform
 from irsbot_kinematics.skeleton import Cut, Link, Skeleton, Z, planar_end
 
 
@@ -150,20 +151,8 @@ class Rrr3Base(CrankPlatform):
         return closing
 
     def candidates(self, joints: Sequence[Array], turn: Array) -> tuple[Array, ...]:
-        """Both points where the circle of leg 1 meets that of leg 2 or 3, whichever has its centre farther away.
-
-        P = a/D of assemblies.planar_position is one of them, but is 0/0 where two poses share a turn.
-        """
-        (x1, y1), (x2, y2), (x3, y3) = self.ends(joints, np.cos(turn), np.sin(turn))
-        farther = np.hypot(x3 - x1, y3 - y1) > np.hypot(x2 - x1, y2 - y1)
-        x2, y2 = np.where(farther, x3, x2), np.where(farther, y3, y2)
-        dx, dy = x2 - x1, y2 - y1
-        square = dx * dx + dy * dy
-        aside = np.sqrt(np.maximum(self.rod**2 / square - 0.25, 0.0))
-        x, y = -0.5 * (x1 + x2), -0.5 * (y1 + y2)
-        both_x = np.concatenate([x - aside * dy, x + aside * dy], axis=1)
-        both_y = np.concatenate([y + aside * dx, y - aside * dx], axis=1)
-        return both_x, both_y, np.tile(turn, (1, 2))
+        """assemblies.planar_meetings with the crank ends as base points."""
+        return planar_meetings(self.ends(joints, np.cos(turn), np.sin(turn)), (self.rod,) * 3, turn)
 
     def skeleton(self) -> Skeleton:
         """Leg 1 carries the platform; at 0 cranks and rods point to +x."""

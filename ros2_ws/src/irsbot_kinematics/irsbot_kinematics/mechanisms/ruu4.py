@@ -21,7 +21,8 @@ from irsbot_kinematics.assemblies import planar_position
 from irsbot_kinematics.boxes import Reached, least_singular
 from irsbot_kinematics.geometry import require, require_finite
 from irsbot_kinematics.mechanism import Cuspidal, Floats, Legs, Posture
-from irsbot_kinematics.mechanisms.crank_platform import TINY, CrankPlatform
+from irsbot_kinematics.mechanisms.branched_platform import TINY
+from irsbot_kinematics.mechanisms.crank_platform import CrankPlatform
 from irsbot_kinematics.skeleton import Cut, Rod, Skeleton, X, Z, turned
 
 

@@ -59,6 +59,34 @@ def rrr3_base(g: Any, q: Array, x: Array) -> Array:
     return np.array(legs)
 
 
+def _on_slides(g: Any, starts: list[Any], rails: list[Any], rods: list[Any], q: Array, x: Array) -> Array:
+    """Legs of a planar platform: rail None, a strut as long as its joint; else a carriage and a rod of one length."""
+    legs = []
+    c, s = np.cos(x[2]), np.sin(x[2])
+    for i, (start, rail, rod, travel) in enumerate(zip(starts, rails, rods, q, strict=True), 1):
+        bx, by = getattr(g, f"b{i}")
+        dx, dy = x[0] + c * bx - s * by - start[0], x[1] + s * bx + c * by - start[1]
+        if rail is None:
+            legs.append(dx * dx + dy * dy - travel * travel)
+            continue
+        size = np.sqrt(rail[0] * rail[0] + rail[1] * rail[1])
+        dx, dy = dx - travel * rail[0] / size, dy - travel * rail[1] / size
+        legs.append(dx * dx + dy * dy - rod * rod)
+    return np.array(legs)
+
+
+def rpr3(g: Any, q: Array, x: Array) -> Array:
+    return _on_slides(g, [g.a1, g.a2, g.a3], [None] * 3, [None] * 3, q, x)
+
+
+def rails3(g: Any, q: Array, x: Array) -> Array:
+    return _on_slides(g, [g.o1, g.o2, g.o3], [g.u1, g.u2, g.u3], list(g.L), q, x)
+
+
+def rpr_2prr(g: Any, q: Array, x: Array) -> Array:
+    return _on_slides(g, [g.o1, g.o2, g.o3], [None, g.u2, g.u3], [None, g.L2, g.L3], q, x)
+
+
 def ruu4(g: Any, q: Array, x: Array) -> Array:
     """Cranks in the plane z = 0 at every quarter of a turn; the platform stays level and turns about z."""
     legs = []
@@ -101,7 +129,12 @@ CLOSURES: dict[str, Closure] = {
     "triaglide": _slides([(1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 0.0)], "yyy"),
     "uranesx": _slides([(1.0, 0.0, 0.0), (-0.5, np.sqrt(0.75), 0.0), (-0.5, -np.sqrt(0.75), 0.0)], "zzz"),
     "linear_delta": linear_delta,
+    "rpr3": rpr3,
+    "rails3": rails3,
+    "rpr_2prr": rpr_2prr,
 }
+PLANAR = (rrr3, rrr3_base, rpr3, rails3, rpr_2prr)
+"""Three joints, and a platform that turns in the plane."""
 
 
 def gradients(closure: Closure, g: Any, q: Array, x: Array) -> tuple[Array, Array]:
@@ -116,7 +149,7 @@ def gradients(closure: Closure, g: Any, q: Array, x: Array) -> tuple[Array, Arra
 def unit_jacobians(closure: Closure, g: Any, q: Array, x: Array) -> tuple[Array, Array]:
     """A with unit forces (first `forces` columns, a moment follows if the platform turns) and B of A t + B qdot = 0."""
     by_x, by_q = gradients(closure, g, q, x)
-    forces = 2 if len(x) == 2 or closure in (rrr3, rrr3_base) else 3
+    forces = 2 if len(x) == 2 or closure in PLANAR else 3
     size = np.linalg.norm(by_x[:, :forces], axis=1, keepdims=True)
     return by_x / size, by_q / size
 

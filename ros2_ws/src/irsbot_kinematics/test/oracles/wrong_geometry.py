@@ -15,12 +15,15 @@ from irsbot2_3d import Design
 from numpy.typing import NDArray
 from postures import joint_range
 from rod_machines import closed
-from wrong_machines import rods
+from wrong_machines import rails, rods
 
 import irsbot_kinematics as irs
 from irsbot_kinematics.mechanisms.five_bar import FiveBar, FiveBarGeometry
 from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2, Irsbot2Geometry
 from irsbot_kinematics.mechanisms.linear_delta import LinearDelta, LinearDeltaGeometry
+from irsbot_kinematics.mechanisms.rails3 import Rails3, Rails3Geometry
+from irsbot_kinematics.mechanisms.rpr3 import Rpr3, Rpr3Geometry
+from irsbot_kinematics.mechanisms.rpr_2prr import Rpr2Prr, Rpr2PrrGeometry
 from irsbot_kinematics.mechanisms.rrr3 import Rrr3, Rrr3Geometry
 from irsbot_kinematics.mechanisms.rrr3_base import Rrr3Base, Rrr3BaseGeometry
 from irsbot_kinematics.mechanisms.ruu4 import Ruu4, Ruu4Geometry
@@ -83,14 +86,28 @@ def margins(robot: irs.Robot, at: irs.Posture, ahead: Array, wrong: Array) -> Tr
             return Truth(type1, met.type2, np.full(len(q), np.nan), np.empty((len(q), 0)))
         level = met.r[..., :2] / np.linalg.norm(met.r[..., :2], axis=2, keepdims=True)
         return Truth(type1, met.type2, np.linalg.svd(level, compute_uv=False)[:, 1] / np.sqrt(2.0), type1)
-    lower, upper = g.limits
-    origins, ways = (np.array(column) for column in zip(*m.rails, strict=True))
-    first, last = origins + lower * ways + e[..., :3], origins + upper * ways + e[..., 3:6]
+    lower, upper = (np.array([[getattr(joint, end)] for joint in m.joints]) for end in ("lower", "upper"))
+    ways = rails(robot)
+    struts = np.isnan(ways[:, 0])
+    d = ways.shape[1]
+    if d == 2:
+        origins = np.array([getattr(g, f"o{i}", None) or getattr(g, f"a{i}") for i in (1, 2, 3)])
+    else:
+        origins = np.array([rail.origin for rail in m.rails])
+    first, last = origins + lower * ways + e[..., :d], origins + upper * ways + e[..., d : 2 * d]
     along = last - first
     along /= np.linalg.norm(along, axis=2, keepdims=True)
     # a rail is as long as it is: slides count from the middle
-    slide = 0.5 * (first + last) + (q - 0.5 * (lower + upper))[..., None] * along
-    met = closed(machine, slide - origins - np.array(at.joints)[:, None] * ways, e[..., 6])
+    slide = 0.5 * (first + last) + (q[..., None] - 0.5 * (lower + upper)) * along
+    shift = slide - origins - np.array(at.joints)[:, None] * ways
+    if d == 2:
+        shift = np.where(struts[:, None], e[..., :2], shift)
+        longer = e[..., 6] + np.where(struts, q - np.array(at.joints), 0.0)
+        met = closed(machine, shift, longer, turned(at, e[..., 4:6]))
+        type1 = np.where(struts, 1.0, np.abs(np.sum(met.r * along, axis=2)))
+        limb = ((q + e[..., 6]) / upper[:, 0])[:, struts]
+        return Truth(type1, met.type2, np.full(len(q), np.nan), np.minimum(limb, 1.0))
+    met = closed(machine, shift, e[..., 6])
     type1 = np.abs(np.sum(met.r * along, axis=2))
     return Truth(type1, met.type2, np.full(len(q), np.nan), type1[:, : m.limb_count])
 
@@ -194,8 +211,19 @@ def random_machine(kind: str, rng: np.random.Generator) -> irs.Robot:
                 return irs.Robot(Rrr3Base(Rrr3BaseGeometry(*base, *platform, *size(2))))
             if kind == "ruu4":
                 return irs.Robot(Ruu4(Ruu4Geometry(*size(4))))
-            rails = [part for _ in range(3) for part in (point(3, 0.2), point(3, 1.0))]
-            return irs.Robot(LinearDelta(LinearDeltaGeometry(0.5, (-0.5, 0.5), *rails)))
+            if kind in ("rpr3", "rails3", "rpr_2prr"):
+                base, platform = [point(2, 0.3) for _ in range(3)], [point(2, 0.1) for _ in range(3)]
+                first, second, third = (point(2, 1.0) for _ in range(3))
+                if kind == "rpr3":
+                    return irs.Robot(Rpr3(Rpr3Geometry(*base, *platform, (0.0, 0.8))))
+                if kind == "rails3":
+                    ways = first, second, third
+                    return irs.Robot(Rails3(Rails3Geometry(*base, *ways, *platform, tuple(size(3)), (-0.5, 0.5))))
+                return irs.Robot(
+                    Rpr2Prr(Rpr2PrrGeometry(*base, first, second, *platform, *size(2), (0.0, 0.8), (-0.5, 0.5)))
+                )
+            ends = [part for _ in range(3) for part in (point(3, 0.2), point(3, 1.0))]
+            return irs.Robot(LinearDelta(LinearDeltaGeometry(0.5, (-0.5, 0.5), *ends)))
         except irs.InvalidGeometry:
             continue
 

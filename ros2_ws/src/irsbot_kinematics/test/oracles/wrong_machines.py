@@ -40,8 +40,19 @@ def rods(robot: irs.Robot, at: irs.Posture) -> Machine:
     length = {
         "irsbot2": lambda: g.l2eq,
         "rrr3": lambda: 2.0 * g.l * np.cos(0.5 * np.array(at.joints)),
-    }.get(robot.mechanism.kind, lambda: getattr(g, "l2", None) or g.L)()
+        "rpr3": lambda: np.array(at.joints),
+        "rpr_2prr": lambda: np.array([at.joints[0], g.L2, g.L3]),
+    }.get(robot.mechanism.kind, lambda: getattr(g, "l2", None) or np.array(g.L))()
     return Machine(r, np.array(at.arms) if at.arms else np.zeros((len(r), 2)), length * np.ones(len(r)))
+
+
+def rails(robot: irs.Robot) -> Array:
+    """(n, m) unit vectors along which the slides move; NaN for a strut."""
+    g, kind = robot.mechanism.geometry, robot.mechanism.kind
+    if kind not in ("rpr3", "rails3", "rpr_2prr"):
+        return np.array([rail.direction for rail in robot.mechanism.rails])
+    ways = np.array([getattr(g, f"u{i}", (np.nan, np.nan)) for i in (1, 2, 3)], dtype=float)
+    return ways / np.linalg.norm(ways, axis=1, keepdims=True)
 
 
 def driven(robot: irs.Robot, at: irs.Posture, ahead: Array) -> Driven:
@@ -52,8 +63,9 @@ def driven(robot: irs.Robot, at: irs.Posture, ahead: Array) -> Driven:
         longer = 2.0 * g.l * (np.cos(0.5 * q) - np.cos(0.5 * now))
         return Driven(np.zeros((*ahead.shape, 2)), longer, np.full((*ahead.shape, 2), np.nan), q)
     if robot.mechanism.joints[0].unit == "m":
-        rails = np.broadcast_to([rail.direction for rail in robot.mechanism.rails], (*ahead.shape, 3))
-        return Driven(ahead[..., None] * rails, still, rails, q)
+        ways = np.broadcast_to(rails(robot), (*ahead.shape, rails(robot).shape[1]))
+        struts = np.isnan(ways[..., 0])
+        return Driven(np.nan_to_num(ahead[..., None] * ways), np.where(struts, ahead, 0.0), ways, q)
     down = len(now) == 2  # cranks in the x-z plane turn about +y, which takes x to -z
     size = len(at.pose) - bool(at.arms)
 
@@ -70,6 +82,10 @@ def margins(robot: irs.Robot, how: Driven, r: Array) -> tuple[Array, Array | Non
     if kind == "rrr3":
         return np.abs(np.sin(0.5 * how.q)), None, np.abs(np.cos(0.5 * how.q))
     along = np.abs(np.sum(how.actuated * r, axis=2))
+    if kind in ("rpr3", "rails3", "rpr_2prr"):
+        struts = np.isnan(along[0])
+        longest = np.array([joint.upper for joint in robot.mechanism.joints])
+        return np.where(struts, 1.0, along), None, np.minimum((how.q / longest)[:, struts], 1.0)
     limb = along[:, : robot.mechanism.limb_count]
     if kind == "irsbot2":
         d = Design(g.l1, g.l2eq, g.b, g.p, g.a1, g.a2, g.beta, g.e)

@@ -42,7 +42,8 @@ class PlanarLegs:
     """Two legs only: abscissa of the point of y = 0 through which the platform's x axis passes."""
 
 
-def _drawing(legs: Sequence[Leg], feet: Sequence[tuple[str, str]]) -> Drawing:
+def planar_drawing(legs: Sequence[Leg], feet: Sequence[tuple[str, str]]) -> Drawing:
+    """Base joints, carriages and platform joints of three legs."""
     points: dict[str, Sequence[str]] = {}
     for i, (leg, foot) in enumerate(zip(legs, feet, strict=True), 1):
         points[f"A{i}"] = foot
@@ -106,7 +107,7 @@ def rpr3(
         name="3rpr",
         description="planar 3-RPR: three legs of variable length",
         units={"phi": "rad"},
-        drawing=_drawing(legs, [("0", "0"), ("A2x", "0"), ("A3x", "A3y")]),
+        drawing=planar_drawing(legs, [("0", "0"), ("A2x", "0"), ("A3x", "A3y")]),
         structure=PlanarLegs(legs),
     )
 
@@ -172,7 +173,7 @@ def prr3(
         name="3prr",
         description="planar 3-PRR: three carriages and rods",
         units={"phi": "rad"},
-        drawing=_drawing(legs, [("0", "0"), ("o2x", "o2y"), ("o3x", "o3y")]),
+        drawing=planar_drawing(legs, [("0", "0"), ("o2x", "o2y"), ("o3x", "o3y")]),
         structure=PlanarLegs(legs),
     )
 
@@ -197,7 +198,7 @@ def rpr_2prr(
         name="rpr_2prr",
         description="planar RPR-2PRR: one leg of variable length, two carriages and rods",
         units={"phi": "rad"},
-        drawing=_drawing(legs, [("0", "0"), ("0", "o2y"), ("o3x", "0")]),
+        drawing=planar_drawing(legs, [("0", "0"), ("0", "o2y"), ("o3x", "0")]),
         structure=PlanarLegs(legs),
     )
 

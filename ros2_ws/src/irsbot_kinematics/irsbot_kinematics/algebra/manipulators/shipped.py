@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 from irsbot_kinematics.algebra.engine import AlgebraError
 from irsbot_kinematics.algebra.exact import square_root, stored
 from irsbot_kinematics.algebra.manipulators.delta import delta_system
-from irsbot_kinematics.algebra.manipulators.planar import POINT_DIGITS, Leg, PlanarLegs
+from irsbot_kinematics.algebra.manipulators.planar import POINT_DIGITS, Leg, PlanarLegs, planar_drawing
 from irsbot_kinematics.algebra.manipulators.two_dof import five_bar_drawing
 from irsbot_kinematics.algebra.system import System
 
 if TYPE_CHECKING:
     from irsbot_kinematics.mechanism import Mechanism
+    from irsbot_kinematics.mechanisms.sliding_platform import SlidingPlatform
     from irsbot_kinematics.robot import Robot
 
 
@@ -34,6 +35,7 @@ def of_robot(robot: Robot) -> System:
     from irsbot_kinematics.mechanisms.rrr3 import Rrr3
     from irsbot_kinematics.mechanisms.rrr3_base import Rrr3Base
     from irsbot_kinematics.mechanisms.ruu4 import Ruu4
+    from irsbot_kinematics.mechanisms.sliding_platform import SlidingPlatform
 
     mechanism = robot.mechanism
     if isinstance(mechanism, PlanarPair):
@@ -48,6 +50,8 @@ def of_robot(robot: Robot) -> System:
         )
     if isinstance(mechanism, (Rrr3, Rrr3Base)):
         return _planar(robot.name, mechanism)
+    if isinstance(mechanism, SlidingPlatform):
+        return _sliding(robot, mechanism)
     if isinstance(mechanism, Ruu4):
         return _ruu(robot.name, mechanism)
     raise AlgebraError(f"{robot.name}: no equations for a mechanism of kind '{mechanism.kind}'; build a System")
@@ -108,8 +112,6 @@ def _planar(name: str, mechanism: Mechanism) -> System:
             legs.append(Leg(f"b{i}x", f"b{i}y", f"a{i}x", f"a{i}y", f"2*l^2*(1 + cos({q}))"))
         else:
             legs.append(Leg(f"b{i}x", f"b{i}y", f"a{i}x + l1*cos({q})", f"a{i}y + l1*sin({q})", "l2^2"))
-    from irsbot_kinematics.algebra.manipulators.planar import _drawing
-
     return System(
         [leg.equation for leg in legs],
         pose=["x", "y", "phi"],
@@ -119,7 +121,37 @@ def _planar(name: str, mechanism: Mechanism) -> System:
         name=name,
         description="planar 3-RRR",
         units={"x": "m", "y": "m", "phi": "rad"} | dict.fromkeys(joints, "rad"),
-        drawing=_drawing(legs, [(f"a{i}x", f"a{i}y") for i in (1, 2, 3)]),
+        drawing=planar_drawing(legs, [(f"a{i}x", f"a{i}y") for i in (1, 2, 3)]),
+        structure=PlanarLegs((legs[0], legs[1], legs[2])),
+    )
+
+
+def _sliding(robot: Robot, mechanism: SlidingPlatform) -> System:
+    joints = [joint.name for joint in mechanism.joints]
+    parameters: dict[str, Fraction] = {}
+    legs, inequalities = [], []
+    columns = zip(mechanism.feet, mechanism.corners, mechanism.rails, joints, strict=True)
+    for i, ((ox, oy), (bx, by), rail, q) in enumerate(columns, 1):
+        places = {f"o{i}x": ox, f"o{i}y": oy, f"b{i}x": bx, f"b{i}y": by}
+        near, square = (f"o{i}x", f"o{i}y"), f"{q}^2"
+        if rail is None:
+            inequalities.append(f"{q} > 0")
+        else:
+            places |= {f"u{i}x": rail.way[0], f"u{i}y": rail.way[1], f"L{i}": rail.rod}
+            near, square = (f"o{i}x + {q}*u{i}x", f"o{i}y + {q}*u{i}y"), f"L{i}^2"
+        parameters |= {key: stored(value) for key, value in places.items()}
+        legs.append(Leg(f"b{i}x", f"b{i}y", *near, square))
+    return System(
+        [leg.equation for leg in legs],
+        pose=["x", "y", "phi"],
+        joints=joints,
+        angles=["phi"],
+        parameters=parameters,
+        inequalities=inequalities,
+        name=robot.name,
+        description=robot.description,
+        units={"x": "m", "y": "m", "phi": "rad"} | dict.fromkeys(joints, "m"),
+        drawing=planar_drawing(legs, [(f"o{i}x", f"o{i}y") for i in (1, 2, 3)]),
         structure=PlanarLegs((legs[0], legs[1], legs[2])),
     )
 

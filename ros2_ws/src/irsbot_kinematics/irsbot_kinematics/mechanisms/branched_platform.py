@@ -1,0 +1,317 @@
+"""Platforms that turn and have several assemblies without a closed form: all of them, and one of them followed.
+
+Such a platform has up to six turns for one joint position. All assemblies come from a polynomial; between neighbours
+the branch is followed. Labels of these branches cannot hold everywhere, because two branches may be joined by a motion
+that meets no singularity: a label is the sign of det A and a rank among the poses of that sign, the least turned one
+first.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Sequence
+from math import cos, hypot, inf, isfinite, nan, pi, remainder, sin, tau
+from operator import add, le, lt, mul, neg, sub
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from irsbot_kinematics import statics
+from irsbot_kinematics.arithmetic import ARRAYS, FLOATS, Arithmetic, Array, N
+from irsbot_kinematics.assemblies import SAMPLED_TURNS, trigonometric_roots
+from irsbot_kinematics.mechanism import Coordinate, Floats, Legs, Posture, Status, sign_of
+from irsbot_kinematics.mechanisms.turning_platform import Travel, TurningPlatform
+from irsbot_kinematics.skeleton import Vector
+from irsbot_kinematics.tolerances import CLOSURE_TOL_M, FOLLOWED_TOL_M, SAME_POSE_TOL, UNREAL_TOL, VANISHED_TOL
+
+Point = tuple[float, float]
+TINY = 1e-200
+"""m or 1: keeps the direction of a rod defined where it has none: upright, or without length at a pose that is not its
+own. The margins, or the closure, then say so."""
+POLISH = 3
+"""Newton steps on every root of the polynomial: they start closer than 1e-4 and double the digits each time."""
+NEAR = 0.01
+"""1: a candidate that misses by more than this, over the size of the robot, is no root that rounding has displaced."""
+FOLLOW = 4
+"""Steps at most with the neighbour's screws, and Newton steps at most after them."""
+FIXED = 4
+"""Steps towards the smallest box that its own right sides leave inside."""
+WIDER = 1.1
+"""1: how many times wider than its right sides the next box is."""
+HALVINGS = 6
+"""How often the way from a neighbour is halved before the branch counts as lost."""
+TURN_DIGITS = 9
+"""Digits behind the point, rad, to which turns are compared in size: symmetric machines turn alike to both sides."""
+MISSED_M = 1e-6
+"""m: least closure error said of a label that has no pose; candidates that nearly close may belong to other labels."""
+
+
+class Poses(NamedTuple):
+    """Candidate poses of N joint positions, M each."""
+
+    pose: tuple[Array, ...]
+    """Coordinates, (N, M) each."""
+    det: Array
+    """(N, M) determinant of A, m."""
+    valid: NDArray[np.bool_]
+    """(N, M) whether the candidate closes and is not a copy of another one."""
+    miss: Array
+    """(N,) m: smallest closure error of the candidates that do not close; infinite if all do."""
+    known: NDArray[np.bool_]
+    """(N,) whether the joints determine the pose at all."""
+
+
+class BranchedPlatform(TurningPlatform):
+    """All assemblies and the branch between them; the legs themselves are in the subclasses."""
+
+    labels_hold: ClassVar[bool] = False
+    corners: tuple[Point, ...]
+    """B_i seen from the platform point when the platform is not turned, m."""
+
+    def __init__(self, corners: Sequence[Point], joints: Sequence[Coordinate], size_m: float) -> None:
+        """size_m: about the size of the robot, m."""
+        self.corners, self.joints, self._size = tuple(corners), tuple(joints), size_m
+        self.radius = self.length_m = max(hypot(*corner) for corner in corners)
+        self.span = max(hypot(a[0] - b[0], a[1] - b[1]) for a in corners for b in corners)
+        names = ("x", "y", "phi") if len(self.joints) == 3 else ("x", "y", "z", "phi")
+        self.task = tuple(Coordinate(name, "rad" if name == "phi" else "m", -inf, inf) for name in names)
+
+    @property
+    def platform_corners(self) -> list[Vector]:
+        """`corners`, in space."""
+        return [(x, y, 0.0) for x, y in self.corners]
+
+    @abstractmethod
+    def rods(self, k: Arithmetic[N], joints: Sequence[N]) -> Sequence[tuple[N, N, Any]]:
+        """Per leg the place of its rod's near end C_i in the plane and the length of its rod, m."""
+
+    @abstractmethod
+    def closing(self, joints: Sequence[Array], cosine: Array, sine: Array) -> Array:
+        """What has to vanish at the turn of the platform, without unit: a trigonometric polynomial of degree 3."""
+
+    @abstractmethod
+    def candidates(self, joints: Sequence[Array], turn: Array) -> tuple[Array, ...]:
+        """Poses with given turns (N, 6): coordinates (N, M)."""
+
+    def ends(self, joints: Sequence[Array], cosine: Array, sine: Array) -> list[tuple[Array, Array]]:
+        """R b_i - C_i, horizontally, m: what P has to be added to for the rod."""
+        return [
+            (cosine * bx - sine * by - cx, sine * bx + cosine * by - cy)
+            for (cx, cy, _), (bx, by) in zip(self.rods(ARRAYS, joints), self.corners, strict=True)
+        ]
+
+    # --- all assemblies ----------------------------------------------------------------------------------------------
+
+    def direct(self, k: Arithmetic[N], joints: Sequence[N], assembly: int) -> tuple[tuple[N, ...], tuple[N, N]]:
+        """Gaps: [0] |det A|, m; where there is no such pose, minus the closure error of the nearest candidate;
+        [1] the size of the robot, or 0 where the platform can turn without the joints."""
+        answer: Any = self._picked([np.atleast_1d(np.asarray(q, dtype=float)) for q in joints], assembly)
+        if k is FLOATS:
+            pose, (gap, size) = answer
+            answer = tuple([float(column[0]) for column in pose]), (float(gap[0]), float(size[0]))
+        return answer  # type: ignore[no-any-return]
+
+    def _picked(self, joints: Sequence[Array], assembly: int) -> tuple[tuple[Array, ...], tuple[Array, Array]]:
+        """Pose (N,) of one label, and the gaps."""
+        poses = self.assemblies(joints)
+        same = poses.valid & (np.sign(poses.det) == (1.0 if assembly > 0 else -1.0))
+        chosen = same & (np.cumsum(same, axis=1) == abs(assembly))
+        there, column = chosen.any(axis=1), np.argmax(chosen, axis=1)[:, None]
+        pose = tuple([np.take_along_axis(c, column, axis=1)[:, 0] for c in poses.pose])
+        det = np.abs(np.take_along_axis(poses.det, column, axis=1)[:, 0])
+        gap = np.where(there, det, np.where(poses.known, -np.clip(poses.miss, MISSED_M, self._size), 0.0))
+        return pose, (gap, np.where(poses.known, self._size, 0.0))
+
+    def assemblies(self, joints: Sequence[Array]) -> Poses:
+        """All poses of joint positions, each (N,), the least turned one first; of two turned alike the negative one."""
+        with np.errstate(all="ignore"):  # candidates that do not close may divide by zero; they are not valid
+            return self._assemblies(joints)
+
+    def _assemblies(self, joints: Sequence[Array]) -> Poses:
+        cosine, sine = np.cos(SAMPLED_TURNS), np.sin(SAMPLED_TURNS)
+        values = self.closing([q[:, None] for q in joints], cosine, sine)
+        known = np.abs(values).max(axis=1) > VANISHED_TOL
+        turns, unreal = trigonometric_roots(values)
+        start = self.candidates([q[:, None] for q in joints], turns)
+        repeated = [np.broadcast_to(q[:, None], start[0].shape) for q in joints]
+        miss = self._error(repeated, start)
+        pose = self._polished(repeated, start)
+        order = np.lexsort((pose[-1], np.round(np.abs(pose[-1]), TURN_DIGITS)), axis=1)
+        pose = tuple([np.take_along_axis(column, order, axis=1) for column in pose])
+        legs = self.legs(ARRAYS, repeated, pose)
+        left = np.max(np.abs(legs.closure), axis=0)
+        miss = np.take_along_axis(miss, order, axis=1)
+        valid = (left <= CLOSURE_TOL_M) & (miss <= NEAR * self._size) & known[:, None]
+        real = np.tile(unreal <= UNREAL_TOL, (1, pose[0].shape[1] // unreal.shape[1]))
+        valid &= np.take_along_axis(real, order, axis=1)
+        valid &= ~_copies(pose, valid, left)
+        miss = np.where(valid, np.inf, np.nan_to_num(miss, nan=np.inf))
+        return Poses(pose, statics.cofactors(legs.screws)[0], valid, miss.min(axis=1), known)
+
+    def _polished(self, joints: Sequence[Array], pose: tuple[Array, ...]) -> tuple[Array, ...]:
+        for _ in range(POLISH):
+            pose, _ = self._improved(ARRAYS, joints, pose)
+        return (*pose[:-1], ARRAYS.wrap(pose[-1]))
+
+    def _error(self, joints: Sequence[Array], pose: Sequence[Array]) -> Array:
+        closure = self.legs(ARRAYS, joints, pose).closure
+        error: Array = np.max(np.abs(closure), axis=0)
+        return error
+
+    def _improved(self, k: Arithmetic[N], joints: Sequence[N], pose: Sequence[N]) -> tuple[tuple[N, ...], Legs[N]]:
+        """One Newton step, and the legs before it."""
+        legs = self.legs(k, joints, pose)
+        step = statics.twist(legs.screws, [-error for error in legs.closure])
+        return tuple([value + change for value, change in zip(pose, step, strict=True)]), legs
+
+    # --- one branch --------------------------------------------------------------------------------------------------
+
+    def track(self, joints: Sequence[float], previous: Posture) -> Posture:
+        """The posture that the branch of `previous` has at neighbouring joints.
+
+        A step counts only with a proof: the box of guarantees.displacement_and_turn, or that of `_held`, has exactly
+        one solution, and det A keeps its sign in it, because the inequality's right side contracts there. Steps that
+        are too long are halved along the straight way, the shorter one round a crank; after HALVINGS the branch is
+        lost, SINGULAR.
+        """
+        if previous.status != Status.SOLVED:
+            return self.posture(joints, previous.assembly_mode or self.usual_assembly_mode)
+        asked = tuple(joints)
+        if not all(map(isfinite, asked)):
+            return super().posture(asked, previous.assembly_mode)
+        pairs = zip(asked, previous.joints, strict=True)
+        goal = tuple([q if abs(q - p) <= pi else p + remainder(q - p, tau) for q, p in pairs])
+        at, length, left = previous, 1.0, 1.0
+        while left > 0.0:
+            share = min(length / left, 1.0)
+            ahead = goal if share == 1.0 else _between(at.joints, goal, share)
+            step = self._follow(ahead, at)
+            if step is not None:
+                at, left = step, left - length
+            elif length > 0.5**HALVINGS:
+                length *= 0.5
+            else:
+                return self._undetermined(Status.SINGULAR, asked, (0.0, self._size))
+        return at if goal == asked else at._replace(joints=asked)
+
+    def _follow(self, joints: Floats, at: Posture) -> Posture | None:
+        """One proved step, or None: first order, steps with the screws of `at`, then Newton steps."""
+        ahead = list(map(sub, joints, at.joints))
+        asked = self.travel_of(at, list(map(abs, ahead)), 0.0)
+        det, columns = statics.cofactors(at.screws)
+        d, t = self.box(at, asked)
+        box = [(0.0, 0.0, d)], t
+        if not d + t < inf:
+            held = self._held(at, asked, det, columns)
+            if held is None:
+                return None
+            box = held
+        rods = self.rods(FLOATS, joints)
+        pose, drive = at.pose, list(map(neg, map(mul, at.levers, ahead)))
+        for _ in range(FOLLOW):
+            pose = tuple(map(add, pose, statics.combined(det, columns, drive)))
+            drive = self._misfit(rods, pose)
+            if max(map(abs, drive)) <= FOLLOWED_TOL_M:
+                break
+        found = self.at(joints, pose, at.assembly_mode, at.gaps)  # type: ignore[arg-type]
+        for _ in range(FOLLOW):
+            if found.residual <= FOLLOWED_TOL_M or found.det == 0.0:
+                break
+            drive = list(map(neg, found.parts[2 * len(joints) :]))
+            pose = tuple(map(add, found.pose, statics.twist(found.screws, drive)))
+            found = self.at(joints, pose, at.assembly_mode, at.gaps)  # type: ignore[arg-type]
+        x, y, *z, turn = map(sub, found.pose, at.pose)
+        inside = abs(turn) <= box[1] + CLOSURE_TOL_M / self.radius and all(
+            hypot(x - turn * cy, y + turn * cx, *z) <= most + CLOSURE_TOL_M for cx, cy, most in box[0]
+        )
+        return found if inside and found.residual <= CLOSURE_TOL_M else None
+
+    def _held(
+        self, at: Posture, asked: Travel, det: float, columns: Sequence[Floats]
+    ) -> tuple[list[tuple[float, float, float]], float] | None:
+        """Per arm the most, m, by which displacement and turn move its end, and the most, rad, that the platform turns,
+        in a box with exactly one solution; None if this proves none.
+
+        With z = (e_1 .. e_n, t) the right sides of `guarantees` are a polynomial phi(z) without negative coefficients:
+        rod end i moves by e_i <= sum U_ij b_j, U_ij its speed when leg j alone yields, |a_i| <= e_i + radius t^2/2 +
+        path. Where phi(w) <= w the solution stays in the box w. A term z^k of phi has k w^(k-1) 2 w <= (2 w)^k, so
+        that the derivative of phi at w, applied to 2 w, is at most phi(2 w): where that is below 2 w the right sides
+        contract in the box, and A^-1 times the matrix there differs from 1 by less than 1.
+        """
+        drives, path, rod = asked
+        if not (abs(det) > 0.0 and rod > 0.0):
+            return None
+        speeds = [[hypot(vx - w * ay, vy + w * ax, *vz) / abs(det) for vx, vy, *vz, w in columns] for ax, ay in at.arms]
+        turns = [abs(column[-1] / det) for column in columns]
+
+        def phi(z: Sequence[float]) -> list[float]:
+            *ends, t = z
+            bend = 0.5 * self.radius * t * t
+            b = [drive + (e + bend + path) ** 2 / (2.0 * rod) + bend for drive, e in zip(drives, ends, strict=True)]
+            return [*[sum(map(mul, row, b)) for row in speeds], sum(map(mul, turns, b))]
+
+        w = [0.0] * (len(drives) + 1)
+        for _ in range(FIXED):
+            w = [WIDER * value for value in phi(w)]
+        twice = [2.0 * value for value in w]
+        if not all(map(le, phi(w), w)) or not all(map(lt, phi(twice), twice)):
+            return None
+        return [(cx, cy, e) for (cx, cy), e in zip(at.arms, w, strict=False)], w[-1]
+
+    def _misfit(self, rods: Sequence[tuple[float, float, float]], pose: Floats) -> list[float]:
+        """rod - |C_iB_i|, m."""
+        x, y, *z, phi = pose
+        c, s = cos(phi), sin(phi)
+        return [
+            rod - hypot(x + c * bx - s * by - cx, y + s * bx + c * by - cy, *z)
+            for (cx, cy, rod), (bx, by) in zip(rods, self.corners, strict=True)
+        ]
+
+    def at(self, joints: Floats, pose: Floats, assembly: int, gaps: tuple[float, float]) -> Posture:
+        """gaps[0] is |det A| whatever is given. `parts`: column sizes of adj(A), then the signed closure errors."""
+        legs = self.legs(FLOATS, joints, pose)
+        det, columns = statics.cofactors(legs.screws)
+        size = abs(det)
+        if len(joints) == 3:
+            moves = [hypot(vx, vy) for vx, vy, _ in columns]
+            speeds = [hypot(vx - w * ay, vy + w * ax) for (vx, vy, w), (ax, ay) in zip(columns, legs.arms, strict=True)]
+        else:
+            moves = [hypot(vx, vy, vz) for vx, vy, vz, _ in columns]
+            speeds = [
+                hypot(vx - w * ay, vy + w * ax, vz)
+                for (vx, vy, vz, w), (ax, ay) in zip(columns, legs.arms, strict=True)
+            ]
+        return Posture(
+            Status.SOLVED,
+            joints,
+            pose,
+            tuple([sign_of(sine) for sine in legs.sines]),
+            assembly,
+            legs.screws,
+            legs.levers,
+            legs.sines,
+            legs.reach,
+            (size, gaps[1]),
+            tuple([FLOATS.ratio(size, speed) for speed in speeds]),
+            det,
+            nan if legs.constraint is None else legs.constraint,
+            legs.limb,
+            max(map(abs, legs.closure)),
+            legs.arms,
+            (*moves, *[abs(column[-1]) for column in columns], *legs.closure),
+        )
+
+
+def _copies(pose: Sequence[Array], valid: NDArray[np.bool_], left: Array) -> NDArray[np.bool_]:
+    """(N, M) candidates that another one gives too, as the two of an almost double root may, and closes better, or
+    as well and earlier. left: (N, M) closure errors."""
+    apart = np.max([np.abs(column[:, :, None] - column[:, None, :]) for column in pose], axis=0)
+    place = np.argsort(np.argsort(left, axis=1, kind="stable"), axis=1)
+    better = place[:, None, :] < place[:, :, None]
+    copies: NDArray[np.bool_] = np.asarray(((apart <= SAME_POSE_TOL) & better & valid[:, None, :]).any(axis=2))
+    return copies
+
+
+def _between(start: Floats, end: Floats, share: float) -> Floats:
+    return tuple([a + share * (b - a) for a, b in zip(start, end, strict=True)])
