@@ -17,7 +17,7 @@ inverse there.
    F(p(s)) is then small of third order. For any other pose x = p + r the mean value theorem says
    r = -C F(p) + (1 - C J) r, with J the average of the Jacobian on the way from p to x. Let start >= |C F(p)|,
    shares >= |1 - C J| at p(s), and farther(r) what C J changes by within r, half of it on the average of the way.
-   A room |r| <= room with start + (shares + farther(room)) room < room cannot be left: along any way from the posture to
+   A room |r| <= room with start + (shares + farther(room)) room < room cannot be left: on any way from the posture to
    a point of the box the motion is continuous, begins in it, and is never at its boundary. An error of a near end,
    aside_i, makes |w_i| differ from L_i by as much, and is part of F. (Krawczyk's operator, applied to a polynomial.)
 2. The rods. The pose is p(s) plus an effect of known direction and size at most room in every coordinate: these
