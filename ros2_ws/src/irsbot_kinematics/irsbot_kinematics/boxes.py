@@ -1,6 +1,34 @@
-"""Certified bounds of margins over a box of joint positions: of second order, what is lost is of third order.
+"""Certified bounds of margins over a box of joint positions. What they lose is of third order in the size of the box.
 
-HEAD
+The box is q = q0 + (s_1 h_1, .., s_n h_n) with every s_j in -1..1. Bounds of first order (`guarantees`) add up what
+every joint can do to every direction. Here every quantity is a polynomial of second degree in the s_j with a certified
+rest (`quadratics`): effects of several joints, or of one on several terms, cancel where they do.
+
+Setting. Rod i holds the platform point at arm c_i, w_i is the vector along it, L_i its length, C_i its near end. In the
+box C_i is near_i s_i + curve_i s_i^2 away, and at most aside_i from there; L_i is a polynomial in s_i, and at most
+growth_aside_i from there. With the platform moved by d and turned by t about z
+
+    w_i = d + R(t) c_i - C_i(s_i),    F_i = (|w_i|^2 - L_i^2)/2 = 0
+
+Rows of the Jacobian of F are (w_i, (R c_i) x w_i); in the middle they are L_i times the screws A, so C = A^-1/L is its
+inverse there.
+
+1. The pose. One Newton step from 0 gives what is linear in the s_j, a second one the squares and products: p(s).
+   F(p(s)) is then small of third order. For any other pose x = p + r the mean value theorem says
+   r = -C F(p) + (1 - C J) r, with J the average of the Jacobian on the way from p to x. Let start >= |C F(p)|,
+   shares >= |1 - C J| at p(s), and farther(r) what C J changes by within r, half of it on the average of the way.
+   A room |r| <= room with start + (shares + farther(room)) room < room cannot be left: on any way from the posture to
+   a point of the box the motion is continuous, begins in it, and is never at its boundary. An error of a near end,
+   aside_i, makes |w_i| differ from L_i by as much, and is part of F. (Krawczyk's operator, applied to a polynomial.)
+2. The rods. The pose is p(s) plus an effect of known direction and size at most room in every coordinate: these
+   effects are kept like joints, to first order, because they act on all rods at once. That gives w_i seen from the
+   base, and, turned back by R(-t), seen from the platform, where only the rods turn and the arms do not.
+3. Type 2. cos alpha_i is the sine of the angle between w_i and the line or plane across v_i, the cross product of the
+   other rows, moments taken where leg i holds the platform: D = w_i . v_i, cos alpha_i = |D|/(|v_i| L_i). The lengths
+   of the other rods cancel. v_i and D are products of the above. In the plane tan alpha_i = |w_i x v_i|/D, so nothing
+   but two quadratics is compared. The quotient is guessed from the corners; what is then certified are two lower
+   bounds, that D is at least d, and that D is at least the guess times the other one less m. Both bound the quotient.
+4. The least value of a quadratic over the box (`Quadratic.least`).
 """
 
 from __future__ import annotations
@@ -20,11 +48,11 @@ if TYPE_CHECKING:
     from irsbot_kinematics.mechanism import Floats, Posture
 
 WIDER = 1.2
-"""1: how many times wider than its guess the box of what is of third order is."""
+"""1: how many times wider than its guess the room of what is of third order is."""
 BOXES = 4
 """Guesses; where none of them holds, the box of joints is so large that it is better cut."""
 LEAST = 1e-100
-"""m or rad: the box is not smaller, so that its inside is not empty."""
+"""m or rad: the room is not smaller, so that its inside is not empty."""
 
 
 class Rod(NamedTuple):

@@ -1,4 +1,4 @@
-"""Bounds of second order over boxes of joints: never broken, of second order, usually better than `guarantee`."""
+"""Bounds of second order over boxes of joints: never broken, usually better than `guarantee`, and how loose."""
 
 from __future__ import annotations
 
@@ -236,8 +236,8 @@ def test_bounds_with_slack_hold_on_machines_of_which_every_length_and_place_is_o
 
 
 @every_robot
-def test_what_a_box_loses_against_what_happens_in_it_is_of_second_order(name):
-    """Of half the box a quarter of it is left; bounds of first order would leave a half."""
+def test_what_a_box_loses_against_what_happens_in_it_is_of_second_or_third_order(name):
+    """Of half the box a quarter of it is left, of platforms on rods an eighth; bounds of first order leave a half."""
     robot, rng = ROBOTS[name], np.random.default_rng(33)
     lower, upper = joint_range(robot)
     s, ratios = corners(len(lower)), []
@@ -251,7 +251,7 @@ def test_what_a_box_loses_against_what_happens_in_it_is_of_second_order(name):
         if lost[0] < 0.1 and lost[1] > 1e-9:
             ratios.append(lost[0] / lost[1])
     assert len(ratios) > 15
-    assert np.median(ratios) > 3.4
+    assert np.median(ratios) > (3.4 if len(lower) == 2 else 6.8)
 
 
 @every_robot

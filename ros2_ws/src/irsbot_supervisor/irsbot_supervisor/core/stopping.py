@@ -174,13 +174,13 @@ class StoppingPredictor:
         if (proved := self._proved) is not None and proved.holds(low, high):
             return proved.floor
         wide, best = _wider(low, high), nothing_of(at)
-        for wanted, cuts in self._usual:
-            floor = self._bounds.least(at, *wide, ((wanted, self._usual[0][1]),))
-            if spare_of(floor, wanted) >= 0.0:
+        for goal in self._usual:
+            floor = self._bounds.least(at, *wide, (goal,))
+            if spare_of(floor, goal[0]) >= 0.0:
                 self._proved = Proved(*wide, floor)
                 return floor
-            best = highest(best, floor, self._bounds.least(at, low, high, ((wanted, cuts),)))
-            if spare_of(best, wanted) >= 0.0:
+            best = highest(best, floor, self._bounds.least(at, low, high, (goal,)))
+            if spare_of(best, goal[0]) >= 0.0:
                 self._proved = Proved(low, high, best)
                 return best
         return best
