@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from frame import AXIS_Y, SIGMA, Pipe, five_bar_frame, irsbot2_frame
 from irsbot2_3d import Design, leg, unit
+from random_frames import random_irsbot2
 
 import irsbot_kinematics as irs
 from irsbot_kinematics import stiffness
@@ -170,6 +171,36 @@ def test_no_sample_has_a_smaller_constraint_margin_than_is_left_for_certain(desi
             assert found >= sure
             taken = max(taken, at.constraint - found)
     assert taken > 1e-5
+
+
+@pytest.mark.parametrize("narrow", [1.0, 0.1, 0.001], ids=["p", "p/10", "p/1000"])
+def test_no_random_robot_loses_more_than_half_of_what_is_taken_off(narrow):
+    """Geometry, tubes, materials and posture at random; force or moment so large that the slack is 10 um."""
+    rng, seen = np.random.default_rng(21), 0
+    while seen < 25:
+        design, pose, built, _, q, _, _ = random_irsbot2(rng, narrow)
+        at = design.mechanism.posture(tuple(q), design.mechanism.usual_assembly_mode)
+        if at.status != 0 or hypot(*(at.pose - pose)) > 1e-6 or min(at.constraint, at.type2, *at.type1) < 0.1:
+            continue
+        seen += 1
+        moved = built.frame.solve(built.platform, np.eye(6)[:, [0, 2, 4]])
+        for load in (Load(force_n=1.0), Load(moment_nm=1.0)):
+            share = 1e-5 / float(pose_errors(design, pose[None], load).slack_m[0])
+            load = Load(share * load.force_n, share * load.moment_nm)
+            slack = float(pose_errors(design, pose[None], load).slack_m[0])
+            sure = bounds(design, at, slack)
+            wrenches = loads(rng, 8, load)
+            type1, type2, errors, _ = bent_margins(design, built, q, wrenches)
+            ends = [
+                bent_constraint_margin(design, built, moved @ w, end) for w in wrenches.T for end in ("near", "far")
+            ]
+            assert errors.max() <= slack
+            for found, rigid, floor in (
+                (min(ends), at.constraint, max(b.constraint for b in sure)),
+                (type2.min(), at.type2, max(b.type2 for b in sure)),
+                *((type1[k].min(), at.type1[k], max(b.type1[k] for b in sure)) for k in (0, 1)),
+            ):
+                assert rigid - found <= 0.5 * (rigid - floor)
 
 
 def test_the_bound_over_a_workspace_stays_below_a_finer_look_by_little():
