@@ -19,6 +19,7 @@ from irsbot_supervisor.cli import (
     limits,
     map,
     mechanism,
+    policy,
     replay,
     report,
     runs,
@@ -59,6 +60,7 @@ app.command("bench")(bench.bench)
 app.command("faults")(faults.faults)
 app.command("map")(map.draw)
 app.command("stiffness", context_settings=NUMBERS)(stiffness.show)
+app.command("policy")(policy.policy)
 app.command("urdf")(urdf.write)
 design.app.command("size")(sizing.size)
 app.add_typer(design.app, name="design")
