@@ -115,7 +115,12 @@ class DiagnosticsPublisher:
         self._counted = now_ns, judged, verdict.sequence
         rejected = {f"rejected {c.name}": count for c, count in self._supervisor.rejections.items()}
         found: dict[str, dict[str, object]] = {
-            "joint states": {"samples [1/s]": samples_hz, "skipped": self._samples.skipped, **rejected},
+            "joint states": {
+                "samples [1/s]": samples_hz,
+                "skipped": self._samples.skipped,
+                **rejected,
+                "stops with late samples": self._supervisor.late_stops,
+            },
             "supervisor": {
                 "level": verdict.level.name,
                 "event": verdict.event,
