@@ -13,6 +13,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package}"]),
         (f"share/{package}", ["package.xml"]),
         (f"share/{package}/launch", glob("launch/*.launch.py")),
+        (f"share/{package}/policies", glob("policies/*.policy.xml")),
     ],
     install_requires=[
         "setuptools",

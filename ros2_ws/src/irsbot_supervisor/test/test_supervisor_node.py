@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -294,7 +295,7 @@ def test_a_latched_stop_survives_a_change_of_settings_and_ends_by_the_right_rese
     right = cell.reset(1)
     assert right.accepted, right.message
     assert right.message == ""
-    cell.logged("reset of event 1: accepted")
+    cell.logged("reset of event 1, 'tested', called by /robot: accepted")
     assert cell.printed.count("a stop is latched") == 1
     ended = cell.heard_level(Level.OK)
     assert not ended.latched
@@ -714,8 +715,50 @@ def test_a_second_publisher_of_joint_states_is_reported_with_its_name(cell: Cell
     with cell.company("intruder") as intruder:
         intruder.create_publisher(JointState, "joint_states", 10)
         cell.wire.until(lambda: diagnostics[-1]["joint states publishers"][0] == b"\x01")
-        assert diagnostics[-1]["joint states publishers"][1] == "2 publishers, one is expected: /intruder, /robot"
+        said = diagnostics[-1]["joint states publishers"][1]
+        assert re.fullmatch(r"2 publishers, one is expected: /intruder \([0-9a-f]+\), /robot \([0-9a-f]+\)", said)
+        cell.logged(said)  # with the number by which the middleware knows the writer
     cell.wire.until(lambda: diagnostics[-1]["joint states publishers"] == (b"\x00", "/robot"))
+
+
+def test_locked_settings_change_before_the_first_activation_alone(wire: Wire):
+    cell = Cell(wire, autostart=False, lock_settings=True)
+    assert cell.set(type2_stop=0.16) == (True, "")
+    assert cell.change(Transition.TRANSITION_CONFIGURE)
+    assert cell.set(type2_stop=0.17) == (True, "")
+    assert cell.change(Transition.TRANSITION_ACTIVATE)
+    cell.heard_level(Level.OK)
+    before = cell.verdicts[-1].config_hash
+    for values in ({"type2_stop": 0.1}, {"type2_stop": 0.1, "velocity_limit": [20.0, 20.0]}):
+        accepted, reason = cell.set(**values)
+        assert not accepted
+        assert "lock_settings is set" in reason
+    assert cell.set(type2_stop=0.17) == (True, "")  # as it is
+    assert cell.change(Transition.TRANSITION_DEACTIVATE)
+    assert not cell.set(type2_stop=0.1)[0]
+    assert cell.change(Transition.TRANSITION_ACTIVATE)
+    assert cell.heard_many(3)[-1].config_hash == before
+    assert not cell.set(lock_settings=False)[0]
+
+
+def test_calls_of_strangers_are_logged_with_who_may_have_been_it_and_counted(wire: Wire):
+    cell = Cell(wire)
+    cell.heard_level(Level.OK)
+    values: dict[str, str] = {}
+
+    def keep(message: DiagnosticArray) -> None:
+        values.update({pair.key: pair.value for status in message.status for pair in status.values})
+
+    cell.node.create_subscription(DiagnosticArray, "/diagnostics", keep, 10)
+    assert not cell.reset(7).accepted
+    cell.logged("reset of event 7, 'tested', called by /robot: nothing to reset")
+    assert not cell.set(type2_stop=5.0)[0]
+    cell.logged("type2_stop refused, called by /robot: ")
+    with cell.company("intruder") as intruder:
+        intruder.create_publisher(JointState, "joint_states", 10)
+        cell.wire.until(lambda: values.get("second publishers of joint states") == "1", "the count")
+    assert (values["resets"], values["resets refused"]) == ("1", "1")
+    assert (values["parameter calls"], values["parameter calls refused"]) == ("1", "1")
 
 
 def test_partners_that_ask_for_or_offer_another_quality_of_service_are_reported(cell: Cell, diagnostics: Statuses):

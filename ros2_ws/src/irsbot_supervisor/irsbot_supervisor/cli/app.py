@@ -25,6 +25,7 @@ from irsbot_supervisor.cli import (
     map,
     mechanism,
     operate,
+    policy,
     replay,
     report,
     runs,
@@ -65,6 +66,7 @@ app.command("bench")(bench.bench)
 app.command("faults")(faults.faults)
 app.command("map")(map.draw)
 app.command("stiffness", context_settings=NUMBERS)(stiffness.show)
+app.command("policy")(policy.policy)
 app.command("urdf")(urdf.write)
 design.app.command("size")(sizing.size)
 for name, group in (("send", operate.app), ("design", design.app), ("algebra", algebra.app)):

@@ -98,6 +98,8 @@ class Supervisor:
         self._silence: list[Finding] = []
         self.rejections: dict[Cause, int] = {}
         """Rejected samples by reason."""
+        self.late_stops = 0
+        """Stops for what could not be proved while samples came farther apart than heartbeats."""
 
     def step(self, event: Event) -> Step:
         """What an event means. Never raises for values; InvalidSettings for a change of what is read only."""
@@ -254,6 +256,8 @@ class Supervisor:
         self._latch.update(found, sample.seen_ns, escape)
         if moved_freely and self._latch.now.level >= Level.STOP:
             self._stops.begin(estimate)
+            late = estimate.expected_s > self.settings.heartbeat_s
+            self.late_stops += late and any(finding.cause & Cause.BRAKING for finding in found)
         level = max([finding.level for finding in found]) if found else Level.OK
         return self._reporter.solved(estimate, assessment, floor, reaction, self._samples, level, _causes(found))
 

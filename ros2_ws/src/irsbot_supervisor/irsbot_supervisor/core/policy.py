@@ -43,6 +43,7 @@ class Policy:
         self._units = [f"{joint.unit}/s" for joint in joints]
         self._speed = settings.velocity_limit
         self._settling = SETTLING * settings.stale_s
+        self._beat_s = settings.heartbeat_s
         self._reaction_level = {"none": Level.OK, "warn": Level.WARN, "stop": Level.STOP}[settings.reaction_check]
         self._reaction_limit = settings.reaction_limit_n
 
@@ -59,7 +60,7 @@ class Policy:
             floor = assessment.margins
         warn = self._warn
         if not (floor[0] >= warn[0] and floor[1] >= warn[1] and floor[2] >= warn[2] and floor[3] >= warn[3]):
-            findings += self._margins(assessment.margins, floor)
+            findings += self._margins(assessment.margins, floor, estimate.expected_s)
         elif held & ANY_MARGIN:
             findings += self._lingering(floor, held)
         if not all(map(le, map(abs, estimate.velocity), self._speed)):
@@ -71,15 +72,18 @@ class Policy:
             findings += self._reactions(reaction, assessment.at.sines)
         return findings
 
-    def _margins(self, now: Margins, floor: Margins) -> list[Finding]:
+    def _margins(self, now: Margins, floor: Margins, expected_s: float) -> list[Finding]:
         findings = []
+        late = (
+            f", the next sample being judged up to {expected_s * 1e3:.0f} ms later" if expected_s > self._beat_s else ""
+        )
         for kind, value, least, warn, stop in zip(KINDS, now, floor, self._warn, self._stop, strict=True):
             if least >= warn:
                 continue
             level, limit = (Level.WARN, warn) if least >= stop else (Level.STOP, stop)
             if value >= limit:
                 falls = f"may fall to {least:.4f}" if least > 0.0 else "cannot be shown not to vanish"
-                text = f"{WORDS[kind]} {value:.4f} {falls} before standstill, limit {limit:.4f}"
+                text = f"{WORDS[kind]} {value:.4f} {falls} before standstill{late}, limit {limit:.4f}"
                 findings.append(Finding(kind | Cause.BRAKING, level, least, limit, "1", text))
             else:
                 text = f"{WORDS[kind]} {value:.4f}, limit {limit:.4f}"

@@ -17,6 +17,7 @@ from irsbot_kinematics import Coordinate
 from irsbot_msgs_py.records import Cause, Level, SingularityState, Verdict
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.core.pipeline import Supervisor
+from irsbot_supervisor.nodes.callers import Callers
 from irsbot_supervisor.nodes.endpoints import publisher
 from irsbot_supervisor.nodes.guard import Fail, guarded
 from irsbot_supervisor.nodes.partners import Finding, Partners
@@ -46,10 +47,19 @@ _LEVELS = {
 class DiagnosticsPublisher:
     """Remembers the newest state and verdict and reports them, with rates and counts; silent without a verdict."""
 
-    def __init__(self, node: Node, supervisor: Supervisor, partners: Partners, samples: Samples, fail: Fail) -> None:
+    def __init__(
+        self,
+        node: Node,
+        supervisor: Supervisor,
+        partners: Partners,
+        samples: Samples,
+        callers: Callers,
+        fail: Fail,
+    ) -> None:
         self.verdict: Verdict | None = None
         self.state: SingularityState | None = None
         self._node, self._supervisor, self._partners, self._samples = node, supervisor, partners, samples
+        self._callers = callers
         self._skipped = 0  # until the last report
         self._counted = (time.monotonic_ns(), 0, 0)  # at the last report: steady clock, samples, verdicts
         self._publisher = publisher(node, DiagnosticArray, "/diagnostics", 10)
@@ -83,6 +93,7 @@ class DiagnosticsPublisher:
         units = of_units(robot.mechanism.joints, names, self.state.joint_position if self.state else ())
         for finding in (*self._partners.look(), self._rate(), self._stop(), units):
             message.status.append(self._status(finding, {}))
+        message.status.append(self._status(self._callers.report(), self._callers.counts))
         self._publisher.publish(message)
 
     def _status(self, finding: Finding, values: Mapping[str, object]) -> DiagnosticStatus:
@@ -104,7 +115,12 @@ class DiagnosticsPublisher:
         self._counted = now_ns, judged, verdict.sequence
         rejected = {f"rejected {c.name}": count for c, count in self._supervisor.rejections.items()}
         found: dict[str, dict[str, object]] = {
-            "joint states": {"samples [1/s]": samples_hz, "skipped": self._samples.skipped, **rejected},
+            "joint states": {
+                "samples [1/s]": samples_hz,
+                "skipped": self._samples.skipped,
+                **rejected,
+                "stops with late samples": self._supervisor.late_stops,
+            },
             "supervisor": {
                 "level": verdict.level.name,
                 "event": verdict.event,
@@ -114,6 +130,9 @@ class DiagnosticsPublisher:
                 "settings": verdict.config_hash,
             },
         }
+        view = self._supervisor.view
+        if view is not None:  # the longer this is, the farther joints get unseen: gaps cost as much as speed
+            found["joint states"]["next one expected within [s]"] = view.expected_s
         if state is not None:
             found["margins"] = _margins(state)
             found["motion"] = {"joint velocity": state.joint_velocity, "largest leg force [N]": state.reaction_max}

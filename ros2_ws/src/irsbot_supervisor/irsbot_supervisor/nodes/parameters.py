@@ -11,6 +11,7 @@ from dataclasses import asdict, fields
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
+from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -20,9 +21,13 @@ from irsbot_supervisor.bending import require_bending_said
 from irsbot_supervisor.core.limits import contradictions
 from irsbot_supervisor.core.settings import InvalidSettings, Settings, completed
 from irsbot_supervisor.nodes.as_declared import as_declared
+from irsbot_supervisor.nodes.callers import Callers
 from irsbot_supervisor.nodes.later import Later, Steps
 from irsbot_supervisor.settings_file import read_settings, robot_of, shipped_values
 from irsbot_supervisor.worker import Task, WorkerError
+
+LOCKED = "lock_settings is set, and the supervisor has been active: settings change with a new start alone"
+"""Why a setting does not change."""
 
 NAMES = frozenset(entry.name for entry in fields(Settings))
 
@@ -52,10 +57,19 @@ class ChangingSettings:
     """The settings of a node in force; they change by its parameter services, in one call and as a whole."""
 
     def __init__(
-        self, node: Node, later: Later, settings: Settings, robot: Robot, apply: Callable[[Settings], None]
+        self,
+        node: Node,
+        later: Later,
+        settings: Settings,
+        robot: Robot,
+        apply: Callable[[Settings], None],
+        callers: Callers,
     ) -> None:
         """settings: checked. apply: called with checked settings when they come into force."""
         self.now = settings
+        self.locked = False
+        """Whether nothing changes any more."""
+        self._callers = callers
         self._node, self._robot, self._apply = node, robot, apply
         self._looked: tuple[Settings, list[str]] = settings, []
         """The settings that were looked into last, and their faults."""
@@ -63,9 +77,9 @@ class ChangingSettings:
         node.add_post_set_parameters_callback(self._set)
         for service in node.services:
             if service.srv_type is SetParameters:
-                later.serve(service, _one_by_one(service.callback, self._look))
+                later.serve(service, _one_by_one(service.callback, self._look, self._told))
             elif service.srv_type is SetParametersAtomically:
-                later.serve(service, _at_once(service.callback, self._look))
+                later.serve(service, _at_once(service.callback, self._look, self._told))
 
     def _wanted(self, parameters: list[Parameter]) -> Settings:
         """The settings with some parameters replaced, each valid, not looked into. Raises InvalidSettings."""
@@ -81,7 +95,7 @@ class ChangingSettings:
         force: then it is done again."""
         parameters = as_declared(self._node, [Parameter.from_parameter_msg(message) for message in messages])
         try:
-            while (wanted := self._wanted(parameters)) not in (self.now, self._looked[0]):
+            while not self.locked and (wanted := self._wanted(parameters)) not in (self.now, self._looked[0]):
                 try:
                     faults = yield Task(contradictions, (wanted, self._robot.mechanism))
                 except WorkerError as error:
@@ -90,11 +104,21 @@ class ChangingSettings:
         except InvalidSettings:
             pass  # the set call says so
 
+    def _told(self, parameters: list[ParameterMessage], result: SetParametersResult) -> None:
+        """A call has been answered."""
+        self._callers.count("parameter calls", result.successful)
+        if not result.successful:
+            names = ", ".join(parameter.name for parameter in parameters)
+            who = self._callers.who("~/set_parameters", "~/set_parameters_atomically")
+            self._node.get_logger().warning(f"{names} refused, {who}: {result.reason}", throttle_duration_sec=1.0)
+
     def _check(self, parameters: list[Parameter]) -> SetParametersResult:
         try:
             wanted = self._wanted(parameters)
         except InvalidSettings as error:
             return SetParametersResult(successful=False, reason=str(error))
+        if self.locked and wanted != self.now:
+            return SetParametersResult(successful=False, reason=LOCKED)
         looked, faults = self._looked
         if wanted == self.now:
             faults = []
@@ -113,20 +137,26 @@ Call = Callable[[Any, Any], Any]
 """A callback of rclpy's parameter services."""
 
 
-def _one_by_one(set_parameters: Call, look: Callable[[list[Any]], Steps]) -> Callable[[Any, Any], Steps]:
+Told = Callable[[list[ParameterMessage], SetParametersResult], None]
+
+
+def _one_by_one(set_parameters: Call, look: Callable[[list[Any]], Steps], told: Told) -> Callable[[Any, Any], Steps]:
     def answer(request: SetParameters.Request, response: SetParameters.Response) -> Steps:
         for parameter in request.parameters:
             yield from look([parameter])
             set_parameters(SetParameters.Request(parameters=[parameter]), response)
+            told([parameter], response.results[-1])
         return response
 
     return answer
 
 
-def _at_once(set_parameters: Call, look: Callable[[list[Any]], Steps]) -> Callable[[Any, Any], Steps]:
+def _at_once(set_parameters: Call, look: Callable[[list[Any]], Steps], told: Told) -> Callable[[Any, Any], Steps]:
     def answer(request: SetParametersAtomically.Request, response: SetParametersAtomically.Response) -> Steps:
         yield from look(request.parameters)
-        return set_parameters(request, response)
+        answered = set_parameters(request, response)
+        told(list(request.parameters), answered.result)
+        return answered
 
     return answer
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from typing import NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticStatus
@@ -21,16 +22,23 @@ class Finding(NamedTuple):
 class Partners:
     """Looks at the graph; logs what is new."""
 
-    def __init__(self, node: Node) -> None:
-        self._node = node
+    def __init__(self, node: Node, counts: Counter[str]) -> None:
+        """counts: of what was met, for /diagnostics."""
+        self._node, self._counts = node, counts
         self._before: list[Finding] = []
+        self._known: set[bytes] = set()  # publishers of joint states at the last look, by the middleware's number
 
     def look(self) -> list[Finding]:
         """One finding per topic."""
         samples, verdicts = map(self._node.resolve_topic_name, ("joint_states", "~/verdict"))
         publishers, subscribers = self._node.get_publishers_info_by_topic, self._node.get_subscriptions_info_by_topic
         asked, offered = self._ours(subscribers(samples)), self._ours(publishers(verdicts))
-        found = [_of_publishers(publishers(samples), asked), _of_subscribers(subscribers(verdicts), offered)]
+        ends = publishers(samples)
+        now = {bytes(end.endpoint_gid) for end in ends}
+        if len(now) > 1:
+            self._counts["second publishers of joint states"] += len(now - self._known) - (not self._known)
+        self._known = now
+        found = [_of_publishers(ends, asked), _of_subscribers(subscribers(verdicts), offered)]
         for finding in found:
             if finding.level != DiagnosticStatus.OK and finding not in self._before:
                 self._node.get_logger().warning(f"{finding.name}: {finding.text}")
@@ -48,7 +56,7 @@ def _of_publishers(publishers: list[TopicEndpointInfo], asked: list[QoSProfile])
     if mute := [text for end in publishers for qos in asked if (text := _mismatch(end, end.qos_profile, qos))]:
         return Finding(name, DiagnosticStatus.ERROR, f"not heard: {'; '.join(mute)}")
     if len(publishers) > 1:
-        who = ", ".join(sorted(map(_name, publishers)))
+        who = ", ".join(sorted(f"{_name(end)} ({bytes(end.endpoint_gid).hex()})" for end in publishers))
         return Finding(name, DiagnosticStatus.WARN, f"{len(publishers)} publishers, one is expected: {who}")
     if not publishers:
         return Finding(name, DiagnosticStatus.WARN, "nobody publishes joint states")

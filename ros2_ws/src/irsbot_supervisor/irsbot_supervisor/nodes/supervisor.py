@@ -28,6 +28,7 @@ from irsbot_supervisor.core.settings import InvalidSettings, Settings
 from irsbot_supervisor.journal import Entry, configured, write_entry
 from irsbot_supervisor.nodes.as_declared import read_as_declared
 from irsbot_supervisor.nodes.bond import Bond
+from irsbot_supervisor.nodes.callers import Callers
 from irsbot_supervisor.nodes.check import answered, asked, refused
 from irsbot_supervisor.nodes.diagnostics import DiagnosticsPublisher
 from irsbot_supervisor.nodes.endpoints import quality
@@ -47,6 +48,7 @@ PARAMETERS = {
     "autostart": (True, "become active at the start, without waiting for transitions"),
     "base_frame": ("base", "frame of ~/markers"),
     "frame_prefix": ("", "before the names of frames on /tf, as robot_state_publisher has it"),
+    "lock_settings": (False, "settings are read-only from the first activation on"),
     "start_latched": (False, "started again after an end: level UNKNOWN until a reset"),
 }
 """Those that are no settings, with default and description."""
@@ -78,24 +80,29 @@ class SupervisorNode(LifecycleNode):
     def __init__(self) -> None:
         super().__init__("supervisor")
         answer_every_request(self)
-        autostart, self._frame, prefix, self._restarted = (
+        autostart, self._frame, prefix, self._lock, self._restarted = (
             self.declare_parameter(name, default, ParameterDescriptor(description=text, read_only=True)).value
             for name, (default, text) in PARAMETERS.items()
         )
         settings, self._robot = declare_settings(self)
         self._supervisor = Supervisor(settings, self._robot)
         self._later = Later(self, self._fail)
-        self._changing = ChangingSettings(self, self._later, settings, self._robot, self._apply)
+        self._callers = Callers(self)
+        self._changing = ChangingSettings(self, self._later, settings, self._robot, self._apply, self._callers)
         self._active = False
         self._log = VerdictLog(self.get_logger())
         self._safe = SafePublisher(self)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._heart: Timer | None = None
         self._speech: list[Publisher] = []
+        self._answered_s = 0.0  # when a refused wish was logged last, steady clock
         self._stream = quality(self, SingularityState, "~/state", STREAM)
         self._lasting = quality(self, String, "~/journal", JOURNAL)
         self._samples = Samples(self, INLET, self._step)
-        self._diagnostics = DiagnosticsPublisher(self, self._supervisor, Partners(self), self._samples, self._fail)
+        partners = Partners(self, self._callers.counts)
+        self._diagnostics = DiagnosticsPublisher(
+            self, self._supervisor, partners, self._samples, self._callers, self._fail
+        )
         self._markers = MarkersPublisher(self, self._robot, self._supervisor, self._frame, self._fail)
         self._posture = PosturePublisher(self, self._robot, prefix, self._fail)
         self._bond = Bond(self, self._fail)
@@ -131,7 +138,7 @@ class SupervisorNode(LifecycleNode):
         self._journal = self.create_publisher(String, "~/journal", self._lasting)
         self._speech = [self._states, self._verdicts, self._journal]
         self._start_heart(self._settings)
-        self._active = True
+        self._active, self._changing.locked = True, self._lock
         self._bond.form()
         self._configure(self._settings)
         if self._restarted:
@@ -216,7 +223,8 @@ class SupervisorNode(LifecycleNode):
             response.message = INACTIVE
             return response
         reset = Reset(*self._now(), request.event, request.operator_text, tuple(request.seed_pose))
-        response.accepted, response.message = self._wish(reset, f"reset of event {request.event}")
+        what = f"reset of event {request.event}, {request.operator_text!r}"
+        response.accepted, response.message = self._wish(reset, what, "~/reset")
         return response
 
     def _on_bypass(self, request: BypassStop.Request, response: BypassStop.Response) -> BypassStop.Response:
@@ -226,19 +234,21 @@ class SupervisorNode(LifecycleNode):
         given = request.event, request.cause, request.duration_s, request.operator_name, request.reason
         what = f"bypass of cause {request.cause} of event {request.event} for {request.duration_s:g} s"
         what += f" by {request.operator_name!r}, {request.reason!r}"
-        response.accepted, response.message = self._wish(Bypass(*self._now(), *given), what)
+        response.accepted, response.message = self._wish(Bypass(*self._now(), *given), what, "~/bypass")
         return response
 
-    def _wish(self, wish: Reset | Bypass, what: str) -> tuple[bool, str]:
+    def _wish(self, wish: Reset | Bypass, what: str, service: str) -> tuple[bool, str]:
         """What an operator wants, noted before it is judged: whether it was accepted, and why not."""
         self._note(wish)
         step = self._step(wish)
         accepted = step is not None and not step.refusal
         message = step.refusal if step is not None else "an error occurred inside the supervisor"
+        self._callers.count("resets" if isinstance(wish, Reset) else "bypasses", accepted)
         if accepted:
-            self.get_logger().info(f"{what}: accepted")
-        else:  # whoever asks without end gets answers, not lines
-            self.get_logger().info(f"{what}: {message}", throttle_duration_sec=1.0)
+            self.get_logger().info(f"{what}, {self._callers.who(service)}: accepted")
+        elif time.monotonic() - self._answered_s > 1.0:  # whoever asks without end gets answers, not lines
+            self._answered_s = time.monotonic()
+            self.get_logger().info(f"{what}, {self._callers.who(service)}: {message}")
         return accepted, message
 
     def _on_check(self, request: CheckTrajectory.Request, response: CheckTrajectory.Response) -> Steps:

@@ -1,0 +1,53 @@
+"""`policy`: who may do what, as SROS2 policies made from the nodes themselves."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from irsbot_supervisor.cli.common import out, refuse
+from irsbot_supervisor.suite import free_domain
+
+
+def policy(
+    node: Annotated[str, typer.Argument(help="recorder, kinematics, supervisor, simulated_joints or operator")],
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="write it here; printed if left out")] = None,
+) -> None:
+    """Write the SROS2 policy of a node: what it uses is allowed, everything else is denied.
+
+    The node is started for a moment on a DDS domain of its own. Shipped policies: share/irsbot_supervisor/policies.
+
+    Example: irsbot policy supervisor -o supervisor.policy.xml
+    """
+    text = policy_of(node)
+    if output is None:
+        out.print(text, end="")
+        return
+    output.write_text(text, encoding="utf-8")
+    out.print(f"written to {output}")
+
+
+def policy_of(name: str) -> str:
+    """The policy of a node of the suite, or of an operator."""
+    import rclpy  # ROS, which the other commands do not need
+
+    from irsbot_supervisor.nodes import access
+    from irsbot_supervisor.nodes.suite import NODES
+
+    if name == "operator":
+        return access.operators()
+    if name not in NODES:
+        refuse(f"no node '{name}'; there are {', '.join(NODES)} and operator")
+    with tempfile.TemporaryDirectory() as folder:
+        rclpy.init(args=["--ros-args", "-p", f"output:={folder}/bag", "--log-level", "error"], domain_id=free_domain())
+        made: Any = NODES[name]()
+        try:
+            return access.policy(name, access.access_of(made))
+        finally:
+            if hasattr(made, "close"):
+                made.close()
+            made.destroy_node()
+            rclpy.try_shutdown()

@@ -1,0 +1,82 @@
+"""What a node may do, as an SROS2 policy: made from the interfaces that it has, and nothing else is allowed."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from rclpy.node import Node
+
+EVERY_NODE = {"publish": ("/rosout",), "subscribe": ("/clock", "/parameter_events")}
+"""What a node of rclpy may come to use, besides what it uses now."""
+
+WHERE_INSTALLED = {
+    "supervisor": {
+        "publish": (
+            "/bond",
+            "/tf",
+            *(f"/supervisor/follow_joint_trajectory/_action/{t}" for t in ("feedback", "status")),
+        ),
+        "reply": tuple(
+            f"/supervisor/follow_joint_trajectory/_action/{name}" for name in ("cancel_goal", "get_result", "send_goal")
+        ),
+    }
+}
+"""Interfaces of packages that not every machine has: bond, tf2_msgs, control_msgs."""
+
+OPERATOR = {"request": ("/supervisor/bypass", "/supervisor/reset"), "subscribe": ("/supervisor/verdict",)}
+"""Whoever may end a stop."""
+
+KINDS = (("topics", "publish"), ("topics", "subscribe"), ("services", "reply"), ("services", "request"))
+"""Elements of a profile and what they allow, as SROS2 has them."""
+
+
+class Access(NamedTuple):
+    """Full names of topics and services, without the namespace of the suite."""
+
+    publish: tuple[str, ...]
+    subscribe: tuple[str, ...]
+    reply: tuple[str, ...]
+    request: tuple[str, ...]
+
+
+def access_of(node: Node) -> Access:
+    """What a node that is alone on its domain uses, with the hidden nodes of its process, and may come to use where
+    more is installed."""
+    look = {
+        "publish": node.get_publisher_names_and_types_by_node,
+        "subscribe": node.get_subscriber_names_and_types_by_node,
+        "reply": node.get_service_names_and_types_by_node,
+        "request": node.get_client_names_and_types_by_node,
+    }
+    more, found = WHERE_INSTALLED.get(node.get_name(), {}), {}
+    for kind, ask in look.items():
+        used = {topic for of in node.get_node_names_and_namespaces() for topic, _types in ask(*of)}
+        found[kind] = tuple(sorted({*used, *EVERY_NODE.get(kind, ()), *more.get(kind, ())}))
+    return Access(**found)
+
+
+def policy(name: str, access: Access) -> str:
+    """The policy of one enclave as XML text for `ros2 security create_permission`. What is not listed is denied."""
+    root = ElementTree.Element("policy", version="0.2.0")
+    enclave = ElementTree.SubElement(ElementTree.SubElement(root, "enclaves"), "enclave", path=f"/{name}")
+    profile = ElementTree.SubElement(ElementTree.SubElement(enclave, "profiles"), "profile", ns="/", node=name)
+    for element, allowed in KINDS:
+        _list(profile, element, allowed, getattr(access, allowed))
+    ElementTree.indent(root)
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{ElementTree.tostring(root, encoding="unicode")}\n'
+
+
+def operators() -> str:
+    """The policy of a node that may reset and bypass."""
+    empty: dict[str, tuple[str, ...]] = dict.fromkeys(Access._fields, ())
+    return policy("operator", Access(**{**empty, **EVERY_NODE, **OPERATOR}))
+
+
+def _list(profile: ElementTree.Element, element: str, allowed: str, names: Iterable[str]) -> None:
+    if not names:
+        return
+    entries = ElementTree.SubElement(profile, element, {allowed: "ALLOW"})
+    for name in names:
+        ElementTree.SubElement(entries, element.rstrip("s")).text = name
