@@ -98,8 +98,8 @@ class Supervisor:
         self._silence: list[Finding] = []
         self.rejections: dict[Cause, int] = {}
         """Rejected samples by reason."""
-        self.late_stops = 0
-        """Stops for what could not be proved while samples came farther apart than heartbeats."""
+        self.seen_too_rarely = 0
+        """How often a robot was not allowed to move any more for nothing but late samples."""
 
     def step(self, event: Event) -> Step:
         """What an event means. Never raises for values; InvalidSettings for a change of what is read only."""
@@ -246,7 +246,8 @@ class Supervisor:
         # Of a first sample nobody knows how fast the joints are; the level is UNKNOWN for a while anyway.
         counts = assessment.margins if first else self._counts(at, estimate, floor)
         found = self._policy.judge(estimate, assessment, counts, reaction, self._latch.now.causes)
-        if counts is not floor and not first:
+        late = counts is not floor and not first
+        if late:
             found.append(self._policy.rare(estimate, floor))
         found = self._found = [*found, *self._position.judge(estimate, first), *self._stops.look(estimate)]
         escape: Floats = ()
@@ -256,8 +257,7 @@ class Supervisor:
         self._latch.update(found, sample.seen_ns, escape)
         if moved_freely and self._latch.now.level >= Level.STOP:
             self._stops.begin(estimate)
-            late = estimate.expected_s > self.settings.heartbeat_s
-            self.late_stops += late and any(finding.cause & Cause.BRAKING for finding in found)
+            self.seen_too_rarely += late
         level = max([finding.level for finding in found]) if found else Level.OK
         return self._reporter.solved(estimate, assessment, floor, reaction, self._samples, level, _causes(found))
 

@@ -119,7 +119,7 @@ class DiagnosticsPublisher:
                 "samples [1/s]": samples_hz,
                 "skipped": self._samples.skipped,
                 **rejected,
-                "stops with late samples": self._supervisor.late_stops,
+                "seen too rarely": self._supervisor.seen_too_rarely,
             },
             "supervisor": {
                 "level": verdict.level.name,
