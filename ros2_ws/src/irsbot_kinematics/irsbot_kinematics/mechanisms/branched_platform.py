@@ -247,7 +247,8 @@ class BranchedPlatform(TurningPlatform):
         def phi(z: Sequence[float]) -> list[float]:
             *ends, t = z
             bend = 0.5 * self.radius * t * t
-            b = [drive + (e + bend + path) ** 2 / (2.0 * rod) + bend for drive, e in zip(drives, ends, strict=True)]
+            moved = [e + bend + path for e in ends]
+            b = [drive + a * a / (2.0 * rod) + bend for drive, a in zip(drives, moved, strict=True)]
             return [*[sum(map(mul, row, b)) for row in speeds], sum(map(mul, turns, b))]
 
         w = [0.0] * (len(drives) + 1)
