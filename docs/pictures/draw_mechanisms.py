@@ -132,7 +132,7 @@ SHOWN: dict[str, tuple[str, Any, tuple[float, ...]]] = {
     "linear_delta": ("linear_delta", rails, (0.05, 0.0, 0.1)),
     "rpr3": ("rpr3", slides, (-0.09, 0.28, -0.28)),
     "rails3": ("rails3", slides, (0.23, 0.1, 0.9)),
-    "rpr_2prr": ("rpr_2prr", slides, (0.24, 0.47, -1.05)),
+    "rails2": ("rails2", slides, (0.24, 0.47, -1.05)),
     "prr3": (str(HERE.parent / "examples" / "prr3" / "prr3.yaml"), prr3, (0.0, 0.28, 2.0)),
 }
 """Per picture the robot, how its parts lie, and a good pose in its usual working mode."""

@@ -131,7 +131,7 @@ def test_direct_kinematics_has_the_known_complex_degree(name):
     assert fibre.radical
 
 
-SMALL = ("linear_delta", "rpr3", "rails3", "rpr_2prr")
+SMALL = ("linear_delta", "rpr3", "rails2", "rails3")
 """Slides of less than a metre."""
 
 

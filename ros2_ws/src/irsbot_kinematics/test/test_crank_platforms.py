@@ -10,7 +10,7 @@ from math import cos, hypot, pi, sin
 import numpy as np
 import pytest
 
-from irsbot_kinematics import Robot, Status, limbs, statics
+from irsbot_kinematics import Robot, Status, limbs, make_robot, statics
 from irsbot_kinematics.arithmetic import ARRAYS, FLOATS
 from irsbot_kinematics.assemblies import SAMPLED_TURNS, planar_closing, trigonometric_roots
 from irsbot_kinematics.mechanisms.rrr3_base import Rrr3Base, Rrr3BaseGeometry
@@ -537,3 +537,37 @@ def test_symmetric_cranks_of_equal_sign_leave_the_4_ruu_free_to_screw():
     assert {robot.mechanism.posture(tuple(q), label).status for label in robot.mechanism.assembly_modes} == {
         Status.SINGULAR
     }
+
+
+def test_the_second_box_of_a_step_holds_the_one_solution_where_the_first_proves_nothing():
+    """Newton's method from all over the box comes to one pose; steps that neither box proves are refused."""
+    mechanism, rng, longer = make_robot("rpr3").mechanism, np.random.default_rng(5), 0
+    while longer < 20:
+        q = rng.uniform(0.05, 0.4, 3)
+        at = mechanism.posture(tuple(q), int(rng.choice(mechanism.assembly_modes)))
+        if at.status != Status.SOLVED or at.type2 < 0.05:
+            continue
+        step = 10.0 ** rng.uniform(-5.0, -2.5) * rng.uniform(-1.0, 1.0, 3)
+        asked = mechanism.travel_of(at, np.abs(step).tolist(), 0.0)
+        det, columns = statics.cofactors(at.screws)
+        held = mechanism._held(at, asked, det, columns)
+        if held is None or mechanism.box(at, asked)[0] < np.inf:
+            continue
+        longer += 1
+        ends, turn = held
+        middle, sizes = np.array(at.pose), np.array([min(most for *_, most in ends)] * 2 + [turn])
+        found = []
+        for _ in range(8):
+            x = middle + 0.5 * sizes * rng.uniform(-1.0, 1.0, 3)
+            for _ in range(40):
+                legs = mechanism.legs(FLOATS, tuple(q + step), tuple(x))
+                x = x - np.linalg.solve(np.array(legs.screws), np.array(legs.closure))
+            found.append(x)
+            dx, dy, t = x - middle
+            assert abs(t) <= turn * (1.0 + 1e-9)
+            for cx, cy, most in ends:
+                assert hypot(dx - t * cy, dy + t * cx) <= most * (1.0 + 1e-9)
+            assert np.sign(mechanism.at(tuple(q + step), tuple(x), 1, (0.0, 1.0)).det) == np.sign(at.det)
+        np.testing.assert_allclose(found, [found[0]] * 8, atol=1e-10)
+        followed = mechanism.track(tuple(q + step), at)
+        np.testing.assert_allclose(followed.pose, found[0], atol=1e-9)

@@ -68,7 +68,7 @@ def test_an_installed_package_offers_a_mechanism_by_its_entry_point(folder, monk
     assert irs.load_robot(robot_with(folder, "prr3")).mechanism.kind == "prr3"
     with pytest.raises(irs.BadInput, match="entry point prr3_robots:Lost cannot be used"):
         irs.load_robot(robot_with(folder, "lost"))
-    with pytest.raises(irs.BadInput, match="linear_delta, lost, prr3; or name a class of yours"):
+    with pytest.raises(irs.BadInput, match="rails2, lost, prr3; or name a class of yours"):
         irs.load_robot(robot_with(folder, "nothing"))
     monkeypatch.delitem(sys.modules, "prr3_robots")
 

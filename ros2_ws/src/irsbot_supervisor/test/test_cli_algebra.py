@@ -139,7 +139,7 @@ def test_no_configuration_is_a_failure_not_a_mistake():
 def test_robots_tell_whether_they_are_cuspidal():
     done = CliRunner().invoke(app, ["robots", "--json"], catch_exceptions=False)
     answers = {row["name"]: row["cuspidal"] for row in json.loads(done.output)}
-    assert answers["ruu4"] == answers["rrr3_base"] == "yes"
+    assert answers["ruu4"] == answers["rrr3_base"] == answers["rpr3"] == "yes"
     assert answers["irsbot2"] == answers["orthoglide"] == "no"
 
 

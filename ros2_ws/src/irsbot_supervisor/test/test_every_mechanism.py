@@ -118,4 +118,4 @@ def test_limb_margins_are_in_every_state_and_judged(name):
 
 def test_the_robots_with_limb_margins_are_those_of_the_paper_and_those_whose_legs_fold_or_shrink():
     with_limbs = {n for n in irs.robots() if irs.make_robot(n).mechanism.limb_count}
-    assert with_limbs == {"orthoglide", "ruu4", "rrr3", "rpr3", "rpr_2prr"}
+    assert with_limbs == {"orthoglide", "ruu4", "rrr3", "rpr3", "rails2"}

@@ -52,7 +52,16 @@ def periods(simulation, robot, scenario) -> int:
 
 
 def smallest_margins(robot, joints: np.ndarray) -> np.ndarray:
-    """The smallest margin of each posture, over its stop limit's kind: Type 1, Type 2, constraint (N, 3)."""
+    """The smallest margin of each posture, over its stop limit's kind: Type 1, Type 2, constraint (N, 3). The branch of
+    the first posture is followed where labels do not hold."""
+    if not robot.mechanism.labels_hold:
+        at, rows = robot.posture(joints[0]), []
+        for q in joints.tolist():
+            at = robot.mechanism.track(tuple(q), at)
+            solved = at.status == 0
+            constraint = np.inf if np.isnan(at.constraint) else at.constraint
+            rows.append((min(at.type1), at.type2, constraint) if solved else (0.0, 0.0, 0.0))
+        return np.array(rows)
     found = robot.evaluate_many(joints)
     constraint = np.where(np.isnan(found.constraint_margin), np.inf, found.constraint_margin)
     margins = np.column_stack([found.type1_margin.min(axis=1), found.type2_margin, constraint])

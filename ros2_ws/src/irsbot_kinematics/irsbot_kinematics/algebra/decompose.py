@@ -57,6 +57,7 @@ def decompose(
     complete(system, "a decomposition")
     space = _space(system, names)
     variables = system.joints if space == "joint" else system.pose
+    known = slice_values(system, variables, fixed)
     left = [n for n in variables if n not in names and n not in (fixed or {})]
     if left:
         raise AlgebraError(f"{', '.join(left)}: give a value in fixed, only {names[0]} and {names[1]} vary")
@@ -67,7 +68,6 @@ def decompose(
     rounded = rounded_parameters(system, digits)
     if rounded:
         system = replace(system, parameters={**system.parameters, **rounded}, check=False)
-    known = slice_values(system, variables, fixed)
     key = ("decompose", tuple(names), [[str(end) for end in ends] for ends in box], sorted(known.items()))
     return stored_result(
         system,

@@ -11,9 +11,9 @@ from irsbot_kinematics.mechanisms.hybridglide import Hybridglide
 from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2, Irsbot2Geometry
 from irsbot_kinematics.mechanisms.linear_delta import LinearDelta, LinearDeltaGeometry
 from irsbot_kinematics.mechanisms.orthoglide import Orthoglide
+from irsbot_kinematics.mechanisms.rails2 import Rails2, Rails2Geometry
 from irsbot_kinematics.mechanisms.rails3 import Rails3, Rails3Geometry
 from irsbot_kinematics.mechanisms.rpr3 import Rpr3, Rpr3Geometry
-from irsbot_kinematics.mechanisms.rpr_2prr import Rpr2Prr, Rpr2PrrGeometry
 from irsbot_kinematics.mechanisms.rrr3 import Rrr3, Rrr3Geometry
 from irsbot_kinematics.mechanisms.rrr3_base import Rrr3Base, Rrr3BaseGeometry
 from irsbot_kinematics.mechanisms.ruu4 import Ruu4, Ruu4Geometry
@@ -41,5 +41,5 @@ TOPOLOGIES: dict[str, Topology] = {
     "linear_delta": Topology(LinearDeltaGeometry, LinearDelta),
     "rpr3": Topology(Rpr3Geometry, Rpr3),
     "rails3": Topology(Rails3Geometry, Rails3),
-    "rpr_2prr": Topology(Rpr2PrrGeometry, Rpr2Prr),
+    "rails2": Topology(Rails2Geometry, Rails2),
 }

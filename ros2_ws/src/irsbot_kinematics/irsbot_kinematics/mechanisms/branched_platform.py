@@ -20,12 +20,17 @@ from numpy.typing import NDArray
 from irsbot_kinematics import statics
 from irsbot_kinematics.arithmetic import ARRAYS, FLOATS, Arithmetic, Array, N
 from irsbot_kinematics.assemblies import SAMPLED_TURNS, trigonometric_roots
-from irsbot_kinematics.mechanism import Coordinate, Floats, Legs, Posture, Status, sign_of
+from irsbot_kinematics.mechanism import Coordinate, Cuspidal, Floats, Legs, Posture, Status, sign_of
 from irsbot_kinematics.mechanisms.turning_platform import Travel, TurningPlatform
 from irsbot_kinematics.skeleton import Vector
 from irsbot_kinematics.tolerances import CLOSURE_TOL_M, FOLLOWED_TOL_M, SAME_POSE_TOL, UNREAL_TOL, VANISHED_TOL
 
 Point = tuple[float, float]
+BY_A_LOOP = Cuspidal(
+    "yes",
+    "a certified loop about a cusp changes the assembly mode (irsbot_kinematics.loops); follow the branch",
+    True,
+)
 TINY = 1e-200
 """m or 1: keeps the direction of a rod defined where it has none: upright, or without length at a pose that is not its
 own. The margins, or the closure, then say so."""
@@ -248,7 +253,8 @@ class BranchedPlatform(TurningPlatform):
         def phi(z: Sequence[float]) -> list[float]:
             *ends, t = z
             bend = 0.5 * self.radius * t * t
-            b = [drive + (e + bend + path) ** 2 / (2.0 * rod) + bend for drive, e in zip(drives, ends, strict=True)]
+            moved = [e + bend + path for e in ends]
+            b = [drive + a * a / (2.0 * rod) + bend for drive, a in zip(drives, moved, strict=True)]
             return [*[sum(map(mul, row, b)) for row in speeds], sum(map(mul, turns, b))]
 
         w = [0.0] * (len(drives) + 1)

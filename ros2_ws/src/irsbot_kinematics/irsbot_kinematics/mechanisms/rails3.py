@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from irsbot_kinematics.geometry import require, require_size
-from irsbot_kinematics.mechanisms.branched_platform import Point
+from irsbot_kinematics.mechanisms.branched_platform import BY_A_LOOP, Point
 from irsbot_kinematics.mechanisms.sliding_platform import (
     Rail,
     SlidingPlatform,
@@ -51,6 +51,7 @@ class Rails3(SlidingPlatform):
 
     kind: ClassVar[str] = "rails3"
     geometry: Rails3Geometry
+    cuspidal = BY_A_LOOP
 
     def __init__(self, geometry: Rails3Geometry) -> None:
         g = self.geometry = geometry

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from irsbot_kinematics.mechanism import Cuspidal
-from irsbot_kinematics.mechanisms.branched_platform import Point
+from irsbot_kinematics.mechanisms.branched_platform import BY_A_LOOP, Point
 from irsbot_kinematics.mechanisms.sliding_platform import SlidingPlatform, require_places, require_range
 
 
@@ -35,11 +34,7 @@ class Rpr3(SlidingPlatform):
 
     kind: ClassVar[str] = "rpr3"
     geometry: Rpr3Geometry
-    cuspidal = Cuspidal(
-        "yes",
-        "a certified loop about a cusp changes the assembly mode (irsbot_kinematics.loops); follow the branch",
-        True,
-    )
+    cuspidal = BY_A_LOOP
 
     def __init__(self, geometry: Rpr3Geometry) -> None:
         g = self.geometry = geometry

@@ -15,8 +15,8 @@ import numpy as np
 from irsbot_kinematics.arithmetic import FLOATS, Arithmetic, Array, N
 from irsbot_kinematics.assemblies import planar_closing, planar_meetings
 from irsbot_kinematics.geometry import require, require_finite, require_size
-from irsbot_kinematics.mechanism import Cuspidal, Floats, Legs, Posture, Status, sign_of
-from irsbot_kinematics.mechanisms.branched_platform import TINY, Point
+from irsbot_kinematics.mechanism import Floats, Legs, Posture, Status, sign_of
+from irsbot_kinematics.mechanisms.branched_platform import BY_A_LOOP, TINY, Point
 from irsbot_kinematics.mechanisms.crank_platform import CrankPlatform
 from irsbot_kinematics.skeleton import Cut, Link, Skeleton, Z, planar_end
 
@@ -52,11 +52,7 @@ class Rrr3Base(CrankPlatform):
 
     kind: ClassVar[str] = "rrr3_base"
     geometry: Rrr3BaseGeometry
-    cuspidal = Cuspidal(
-        "yes",
-        "a certified loop about a cusp changes the assembly mode (irsbot_kinematics.loops); follow the branch",
-        True,
-    )
+    cuspidal = BY_A_LOOP
 
     def __init__(self, geometry: Rrr3BaseGeometry) -> None:
         g = self.geometry = geometry

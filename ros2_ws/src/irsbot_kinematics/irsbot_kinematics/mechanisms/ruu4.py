@@ -20,8 +20,8 @@ from irsbot_kinematics.arithmetic import Arithmetic, Array, N
 from irsbot_kinematics.assemblies import planar_position
 from irsbot_kinematics.boxes import Reached, least_singular
 from irsbot_kinematics.geometry import require, require_finite
-from irsbot_kinematics.mechanism import Cuspidal, Floats, Legs, Posture
-from irsbot_kinematics.mechanisms.branched_platform import TINY
+from irsbot_kinematics.mechanism import Floats, Legs, Posture
+from irsbot_kinematics.mechanisms.branched_platform import BY_A_LOOP, TINY
 from irsbot_kinematics.mechanisms.crank_platform import CrankPlatform
 from irsbot_kinematics.skeleton import Cut, Rod, Skeleton, X, Z, turned
 
@@ -56,11 +56,7 @@ class Ruu4(CrankPlatform):
 
     kind: ClassVar[str] = "ruu4"
     geometry: Ruu4Geometry
-    cuspidal = Cuspidal(
-        "yes",
-        "a certified loop about a cusp changes the assembly mode (irsbot_kinematics.loops); follow the branch",
-        True,
-    )
+    cuspidal = BY_A_LOOP
     has_constraint = True
     limb_count = 4
 

@@ -83,7 +83,7 @@ def rails3(g: Any, q: Array, x: Array) -> Array:
     return _on_slides(g, [g.o1, g.o2, g.o3], [g.u1, g.u2, g.u3], list(g.L), q, x)
 
 
-def rpr_2prr(g: Any, q: Array, x: Array) -> Array:
+def rails2(g: Any, q: Array, x: Array) -> Array:
     return _on_slides(g, [g.o1, g.o2, g.o3], [None, g.u2, g.u3], [None, g.L2, g.L3], q, x)
 
 
@@ -131,9 +131,9 @@ CLOSURES: dict[str, Closure] = {
     "linear_delta": linear_delta,
     "rpr3": rpr3,
     "rails3": rails3,
-    "rpr_2prr": rpr_2prr,
+    "rails2": rails2,
 }
-PLANAR = (rrr3, rrr3_base, rpr3, rails3, rpr_2prr)
+PLANAR = (rrr3, rrr3_base, rpr3, rails3, rails2)
 """Three joints, and a platform that turns in the plane."""
 
 

@@ -21,9 +21,9 @@ import irsbot_kinematics as irs
 from irsbot_kinematics.mechanisms.five_bar import FiveBar, FiveBarGeometry
 from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2, Irsbot2Geometry
 from irsbot_kinematics.mechanisms.linear_delta import LinearDelta, LinearDeltaGeometry
+from irsbot_kinematics.mechanisms.rails2 import Rails2, Rails2Geometry
 from irsbot_kinematics.mechanisms.rails3 import Rails3, Rails3Geometry
 from irsbot_kinematics.mechanisms.rpr3 import Rpr3, Rpr3Geometry
-from irsbot_kinematics.mechanisms.rpr_2prr import Rpr2Prr, Rpr2PrrGeometry
 from irsbot_kinematics.mechanisms.rrr3 import Rrr3, Rrr3Geometry
 from irsbot_kinematics.mechanisms.rrr3_base import Rrr3Base, Rrr3BaseGeometry
 from irsbot_kinematics.mechanisms.ruu4 import Ruu4, Ruu4Geometry
@@ -211,7 +211,7 @@ def random_machine(kind: str, rng: np.random.Generator) -> irs.Robot:
                 return irs.Robot(Rrr3Base(Rrr3BaseGeometry(*base, *platform, *size(2))))
             if kind == "ruu4":
                 return irs.Robot(Ruu4(Ruu4Geometry(*size(4))))
-            if kind in ("rpr3", "rails3", "rpr_2prr"):
+            if kind in ("rpr3", "rails3", "rails2"):
                 base, platform = [point(2, 0.3) for _ in range(3)], [point(2, 0.1) for _ in range(3)]
                 first, second, third = (point(2, 1.0) for _ in range(3))
                 if kind == "rpr3":
@@ -220,7 +220,7 @@ def random_machine(kind: str, rng: np.random.Generator) -> irs.Robot:
                     ways = first, second, third
                     return irs.Robot(Rails3(Rails3Geometry(*base, *ways, *platform, tuple(size(3)), (-0.5, 0.5))))
                 return irs.Robot(
-                    Rpr2Prr(Rpr2PrrGeometry(*base, first, second, *platform, *size(2), (0.0, 0.8), (-0.5, 0.5)))
+                    Rails2(Rails2Geometry(*base, first, second, *platform, *size(2), (0.0, 0.8), (-0.5, 0.5)))
                 )
             ends = [part for _ in range(3) for part in (point(3, 0.2), point(3, 1.0))]
             return irs.Robot(LinearDelta(LinearDeltaGeometry(0.5, (-0.5, 0.5), *ends)))

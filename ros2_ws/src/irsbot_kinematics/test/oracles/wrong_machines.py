@@ -41,7 +41,7 @@ def rods(robot: irs.Robot, at: irs.Posture) -> Machine:
         "irsbot2": lambda: g.l2eq,
         "rrr3": lambda: 2.0 * g.l * np.cos(0.5 * np.array(at.joints)),
         "rpr3": lambda: np.array(at.joints),
-        "rpr_2prr": lambda: np.array([at.joints[0], g.L2, g.L3]),
+        "rails2": lambda: np.array([at.joints[0], g.L2, g.L3]),
     }.get(robot.mechanism.kind, lambda: getattr(g, "l2", None) or np.array(g.L))()
     return Machine(r, np.array(at.arms) if at.arms else np.zeros((len(r), 2)), length * np.ones(len(r)))
 
@@ -49,7 +49,7 @@ def rods(robot: irs.Robot, at: irs.Posture) -> Machine:
 def rails(robot: irs.Robot) -> Array:
     """(n, m) unit vectors along which the slides move; NaN for a strut."""
     g, kind = robot.mechanism.geometry, robot.mechanism.kind
-    if kind not in ("rpr3", "rails3", "rpr_2prr"):
+    if kind not in ("rpr3", "rails3", "rails2"):
         return np.array([rail.direction for rail in robot.mechanism.rails])
     ways = np.array([getattr(g, f"u{i}", (np.nan, np.nan)) for i in (1, 2, 3)], dtype=float)
     return ways / np.linalg.norm(ways, axis=1, keepdims=True)
@@ -82,7 +82,7 @@ def margins(robot: irs.Robot, how: Driven, r: Array) -> tuple[Array, Array | Non
     if kind == "rrr3":
         return np.abs(np.sin(0.5 * how.q)), None, np.abs(np.cos(0.5 * how.q))
     along = np.abs(np.sum(how.actuated * r, axis=2))
-    if kind in ("rpr3", "rails3", "rpr_2prr"):
+    if kind in ("rpr3", "rails3", "rails2"):
         struts = np.isnan(along[0])
         longest = np.array([joint.upper for joint in robot.mechanism.joints])
         return np.where(struts, 1.0, along), None, np.minimum((how.q / longest)[:, struts], 1.0)

@@ -145,7 +145,7 @@ def draw_loop(dets: Sequence[float], poses: Any, names: Sequence[str], target: P
     left, right = figure.subplots(1, 2)
     share = np.linspace(0.0, 1.0, len(poses))
     for column, name in zip(np.asarray(poses).T, names, strict=True):
-        left.plot(share, column - column[0], label=f"{name} - {column[0]:.4g}")
+        left.plot(share, column - column[0], label=f"{name} {-column[0]:+.4g}")
     left.set_xlabel("share of the loop [1]")
     left.set_ylabel("pose less its start [length, rad]")
     left.legend(fontsize="small")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from irsbot_kinematics.geometry import require
-from irsbot_kinematics.mechanisms.branched_platform import Point
+from irsbot_kinematics.mechanisms.branched_platform import BY_A_LOOP, Point
 from irsbot_kinematics.mechanisms.sliding_platform import (
     Rail,
     SlidingPlatform,
@@ -18,7 +18,7 @@ from irsbot_kinematics.mechanisms.sliding_platform import (
 
 
 @dataclass(frozen=True)
-class Rpr2PrrGeometry:
+class Rails2Geometry:
     """Points (x, y) and lengths in metres."""
 
     o1: Point
@@ -49,13 +49,14 @@ class Rpr2PrrGeometry:
         require_range(self.travel, "travel", False)
 
 
-class Rpr2Prr(SlidingPlatform):
+class Rails2(SlidingPlatform):
     """Joints: length of the strut, then both carriages."""
 
-    kind: ClassVar[str] = "rpr_2prr"
-    geometry: Rpr2PrrGeometry
+    kind: ClassVar[str] = "rails2"
+    geometry: Rails2Geometry
+    cuspidal = BY_A_LOOP
 
-    def __init__(self, geometry: Rpr2PrrGeometry) -> None:
+    def __init__(self, geometry: Rails2Geometry) -> None:
         g = self.geometry = geometry
         rails = (None, Rail(unit(g.u2), g.L2), Rail(unit(g.u3), g.L3))
         super().__init__((g.o1, g.o2, g.o3), rails, (g.b1, g.b2, g.b3), (g.limits, g.travel, g.travel))
