@@ -110,6 +110,9 @@ def main() -> None:
     for command in _commands():
         if command.callback is not None and command.callback.__doc__:
             command.callback.__doc__ = command.callback.__doc__.replace("Example: irsbot", f"Example: {program}")
+    for group in app.registered_groups:
+        assert group.typer_instance is not None
+        group.help = str(group.typer_instance.info.help).replace("Example: irsbot", f"Example: {program}")
     try:
         code = app(prog_name=program, standalone_mode=False)
         sys.stdout.flush()
