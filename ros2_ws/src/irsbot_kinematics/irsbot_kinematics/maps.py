@@ -123,7 +123,7 @@ def reachable_box(mechanism: Mechanism, others: Sequence[float] = ()) -> Box:
     if isinstance(mechanism, PlanarPair):
         far = mechanism.loop.crank + mechanism.loop.rod
         side = far - abs(mechanism.loop.half_base)
-        return Box((-side, side), (-far - mechanism.loop.drop, far - mechanism.loop.drop), ())
+        return Box((-side, side), (-far - mechanism.loop.drop, far - mechanism.loop.drop), tuple(others))
     bounds = [(coordinate.lower, coordinate.upper) for coordinate in mechanism.task[:2]]
     if not all(isfinite(low) and isfinite(high) for low, high in bounds):
         first, second = (coordinate.name for coordinate in mechanism.task[:2])

@@ -57,6 +57,7 @@ app.command("verdict")(operate.verdict)
 app.command("reset")(operate.reset)
 app.command("set", context_settings=NUMBERS)(operate.set_)
 app.command("check-mechanism")(mechanism.check_mechanism)
+app.command("new-mechanism")(mechanism.new_mechanism)
 app.command("info")(bags.info)
 app.command("salvage")(bags.salvage)
 app.command("settings")(settings.settings)
@@ -114,6 +115,9 @@ def main() -> None:
     for command in _commands():
         if command.callback is not None and command.callback.__doc__:
             command.callback.__doc__ = command.callback.__doc__.replace("Example: irsbot", f"Example: {program}")
+    for group in app.registered_groups:
+        assert group.typer_instance is not None
+        group.help = str(group.typer_instance.info.help).replace("Example: irsbot", f"Example: {program}")
     try:
         code = app(prog_name=program, standalone_mode=False)
         sys.stdout.flush()

@@ -11,10 +11,11 @@ from rich.table import Table
 
 from irsbot_kinematics import BadInput
 from irsbot_kinematics.urdf import joint_ranges
-from irsbot_supervisor.cli.common import Failed, existing, out, print_json
+from irsbot_supervisor.cli.common import Failed, err, existing, out, print_json
 from irsbot_supervisor.core.guide import Guide, Plant, Proposal, propose
+from irsbot_supervisor.core.machine_times import proposals
 from irsbot_supervisor.core.settings import Settings
-from irsbot_supervisor.settings_file import PARAMETERS, robot_of, shipped_values
+from irsbot_supervisor.settings_file import PARAMETERS, read_settings, robot_of, shipped_values
 
 FORCE_RATIO = 20.0 / 3.0
 """Default: legs of a fast light robot carry some ten times the load anyway, in its accelerations."""
@@ -36,6 +37,8 @@ def limits(
     geometry_tolerance: Annotated[float | None, typer.Option(help="largest error of a leg, m")] = None,
     force_ratio: Annotated[float, typer.Option(help="how many times the load a leg may carry")] = FORCE_RATIO,
     description: Annotated[Path | None, typer.Option("--urdf", help="URDF with the ranges of the joints")] = None,
+    measure: Annotated[bool, typer.Option("--measure", help="run the suite here and propose times from that")] = False,
+    seconds: Annotated[float, typer.Option(help="how long --measure looks, s", min=1.0, max=3600.0)] = 60.0,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="write the settings here, as ROS parameters")
     ] = None,
@@ -43,12 +46,17 @@ def limits(
 ) -> None:
     """Propose every limit of the supervision and say why. What is not given is taken from the shipped settings.
 
-    Exit code 1 if the robot could not be stopped from its speed within its margins.
+    Exit code 1 if the robot could not be stopped from its speed within its margins. With --measure nothing but stale_s,
+    heartbeat_s and latency_s is proposed, from what this computer did, and exit code 1 says that it does not keep those
+    in force.
 
     Example: irsbot limits irsbot2 --speed 12 --deceleration 400 --rate 500 -o mine.yaml
     """
     machine = robot_of(robot)
     shipped = shipped_values(machine)
+    if measure:
+        _measured(robot, seconds, output, as_json)
+        return
 
     def given(name: str, value: float | None) -> float:
         return float(shipped.get(name, getattr(Settings, name)) if value is None else value)
@@ -94,6 +102,30 @@ def _ranges(description: Path, names: list[str]) -> list[Proposal]:
     lower, upper = joint_ranges(existing(description, "the URDF").read_text(encoding="utf-8"), names)
     why = f"as {description.name} has it"
     return [Proposal("position_lower", lower, why), Proposal("position_upper", upper, why)]
+
+
+def _measured(robot: str, seconds: float, output: Path | None, as_json: bool) -> None:
+    """What this computer keeps of the times. Raises Failed where it does not keep those in force."""
+    settings, _machine = read_settings(robot)
+    from irsbot_supervisor.measuring import measure  # needs ROS, which the rest does not
+
+    if not as_json:
+        err.print(f"the suite runs for {seconds:g} s; load this computer as it will be at work")
+    found = proposals(settings, measure(robot, seconds))
+    if as_json:
+        print_json([{**one._asdict(), "kept": one.kept} for one in found])
+    else:
+        table = Table("setting", "in force [s]", "longest met [s]", "proposed [s]", "why")
+        for one in found:
+            table.add_row(one.name, f"{one.now:g}", f"{one.met:.4f}", f"{one.value:g}", one.why)
+        out.print(table)
+    if output is not None:
+        lines = [f"    {one.name}: {one.value!r}  # {one.why}" for one in found]
+        head = f"# Measured by `irsbot limits --measure` in {seconds:g} s\n/**:\n  {PARAMETERS}:\n"
+        output.write_text(head + "\n".join(lines) + "\n", encoding="utf-8")
+    if missed := [one for one in found if not one.kept]:
+        said = ", ".join(f"{one.name} of {one.now:g} s (proposed: {one.value:g} s)" for one in missed)
+        raise Failed(f"this computer does not keep {said}")
 
 
 def settings_text(robot: str, guide: Guide) -> str:

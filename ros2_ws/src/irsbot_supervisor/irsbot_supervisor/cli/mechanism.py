@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -12,6 +14,8 @@ from rich.text import Text
 from irsbot_kinematics import BadInput
 from irsbot_kinematics.conformance import JOINTS, LAWS, Check, conformance
 from irsbot_supervisor.cli.common import Failed, err, out, print_json, robot_named
+from irsbot_supervisor.cli.outputs import check_target
+from irsbot_supervisor.new_mechanism import SKELETONS, skeleton
 
 MOST_JOINTS = 100_000
 """Beyond this the answer takes hours and is no better."""
@@ -52,6 +56,39 @@ def check_mechanism(
         raise Failed(f"{machine.name} breaks {len(broken)} of {len(LAWS) + 1} laws: {', '.join(c.law for c in broken)}")
     if not as_json:
         out.print(f"{machine.name} keeps all {len(checks)} laws")
+
+
+def new_mechanism(
+    name: Annotated[str, typer.Argument(help="of the class, such as Prr3")],
+    legs: Annotated[int, typer.Option(help="number of legs")] = 3,
+    platform: Annotated[
+        str, typer.Option(help="planar (two translations and a turn) or spatial (translations)")
+    ] = "planar",
+    folder: Annotated[Path, typer.Option("--out", help="where both files are written")] = Path(),
+    force: Annotated[bool, typer.Option("--force", help="replace files that exist")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
+) -> None:
+    """Write a skeleton of a mechanism of your own and its robot file; its equations remain to be filled in.
+
+    Example: irsbot new-mechanism Prr3 --legs 3 --platform planar
+    """
+    if not re.fullmatch(r"[A-Z][A-Za-z0-9]*", name):
+        raise BadInput(f"'{name}' is no name of a class: a capital letter, then letters and digits, such as Prr3")
+    if (platform, legs) not in SKELETONS:
+        known = ", ".join(f"{kind} with {count} legs" for kind, count in SKELETONS)
+        raise BadInput(f"there is no skeleton of a {platform} platform with {legs} legs; there are {known}")
+    files = [folder / f"{name.lower()}{suffix}" for suffix in (".py", ".yaml")]
+    for file in files:
+        check_target(file, [], "" if force else "--force")
+    folder.mkdir(parents=True, exist_ok=True)
+    for file, text in zip(files, skeleton(name, platform, legs), strict=True):
+        file.write_text(text, encoding="utf-8")
+    if as_json:
+        print_json({"files": files})
+    else:
+        out.print(
+            f"written to {files[0]} and {files[1]}; fill in the equations, then ./irsbot check-mechanism {files[1]}"
+        )
 
 
 def _print(checks: list[Check]) -> None:

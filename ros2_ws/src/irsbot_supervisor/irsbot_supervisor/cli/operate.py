@@ -24,7 +24,8 @@ Patience = Annotated[float, typer.Option(help="how long an answer is waited for,
 AsJson = Annotated[bool, typer.Option("--json", help="print JSON")]
 
 app = typer.Typer(
-    help="Send velocities or a trajectory through the command gate of a running suite.",
+    help="Send velocities or a trajectory through the command gate of a running suite.\n\n"
+    "Example: irsbot send velocity 0.5 -0.5 --seconds 2",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
