@@ -70,7 +70,8 @@ def test_a_robot_that_rests_in_a_good_posture_is_ok_when_samples_have_settled_an
     Q = rng.uniform(low, high, (20000, len(low)))
     found = supervisor.robot.evaluate_many(Q)
     usual = (found.working_mode == mechanism.usual_working_mode).all(axis=1)
-    quality = np.minimum(np.nan_to_num(found.type1_margin.min(axis=1)), np.nan_to_num(found.type2_margin))
+    margins = [found.type1_margin.T, found.type2_margin[np.newaxis], found.limb_margin.T]
+    quality = np.nan_to_num(np.concatenate(margins)).min(axis=0)
     q = tuple(Q[np.argmax(np.where(usual, quality, 0.0))].tolist())
     assert np.where(usual, quality, 0.0).max() > 0.4, "no good posture: the fixture proves nothing"
     names = supervisor.settings.joint_names
