@@ -172,6 +172,14 @@ def test_a_sender_that_is_as_slow_as_that_stops_the_robot():
     assert (slow.level, slow.latched) == (Level.STOP, True)
 
 
+def test_samples_that_jitter_within_a_heartbeat_are_not_late():
+    supervisor, q = ready(pose=BOUNDARY)
+    times = [ms for ms in range(80) if ms % 20 not in range(1, 7)]
+    turns = [turn for ms in times for turn in supervisor.step(approach(q, ms, (-3.0, 3.0))).turns]
+    assert [turn.level for turn in turns][-1] == Level.STOP
+    assert Level.UNKNOWN not in [turn.level for turn in turns]
+
+
 def test_a_robot_that_moves_towards_a_limit_is_stopped_however_late_samples_come():
     supervisor, q = ready(pose=BOUNDARY)
     steps = with_pauses(supervisor, lambda ms: approach(q, ms, (-3.0, 3.0)), number=4)

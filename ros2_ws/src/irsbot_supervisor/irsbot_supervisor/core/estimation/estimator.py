@@ -57,7 +57,7 @@ class Estimator:
         self._settings, self._recovery = settings, settings.recovery_share
         self._slow, self._step = settings.standstill_speed, 2.0 * settings.encoder_resolution
         self._reach = Reach(settings)
-        self._gaps.configure(settings.stale_s, settings.sample_gap_s)
+        self._gaps.configure(settings.stale_s, settings.sample_gap_s, settings.heartbeat_s)
         for part in (self._observer, self._reported, self._jumps, self._frozen):
             part.configure(settings)
 

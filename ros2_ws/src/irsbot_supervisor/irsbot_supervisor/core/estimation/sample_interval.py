@@ -54,7 +54,7 @@ class Interval(NamedTuple):
 
     longest_s: float  # as late as it may come
     usual_s: float  # as the sender goes on now; at most as long
-    late: bool  # whether that is less, or less than it took the last sample to come
+    late: bool  # whether samples have come more rarely than that, and more rarely than heartbeats
 
 
 class Gaps:
@@ -63,14 +63,15 @@ class Gaps:
     no gap: it is known when it lasts, and how often samples come is learned anew after it."""
 
     def __init__(self) -> None:
-        self._silence_s, self._stated_s = inf, 0.0
+        self._silence_s, self._stated_s, self._beat_s = inf, 0.0, 0.0
         self._sent_s = inf  # between the last two samples, for the sender
         self._learned_ns: int | None = None  # when the last silence ended
         self._longest = SecondLargest()
 
-    def configure(self, silence_s: float, stated_s: float) -> None:
-        """silence_s: a gap that is longer is a silence. stated_s: a gap of this length is always expected."""
-        self._stated_s = stated_s
+    def configure(self, silence_s: float, stated_s: float, beat_s: float) -> None:
+        """silence_s: a gap that is longer is a silence. stated_s: a gap of this length is always expected. beat_s: the
+        longest time between verdicts; samples that come within it are not late."""
+        self._stated_s, self._beat_s = stated_s, beat_s
         if silence_s != self._silence_s:
             self._silence_s = silence_s
             self._longest.keep(silence_s)
@@ -87,7 +88,8 @@ class Gaps:
         gap_s = stamped_s if passed_s < stamped_s <= silence_s else passed_s
         longest_s = self._longest.second(seen_ns, gap_s, SETTLING * silence_s * S) or gap_s
         longest_s = max(longest_s, self._stated_s)
-        return Interval(longest_s, min(usual_s, longest_s), max(longest_s, stamped_s) > usual_s)
+        late = max(longest_s, stamped_s) > max(usual_s, self._beat_s)
+        return Interval(longest_s, min(usual_s, longest_s), late)
 
     def steady_s(self, seen_ns: int) -> float:
         """s since the last silence."""
