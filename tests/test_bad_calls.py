@@ -211,6 +211,11 @@ faults --jobs 0
 faults --quick -o exists.md
 stiffness nonsense
 stiffness irsbot2_table2 0
+urdf
+urdf nofile.yaml
+urdf irsbot2 -o /dev/null/x.urdf
+policy
+policy nonode
 design check nonsense
 design check five_bar
 design check irsbot2 --set l9=1
