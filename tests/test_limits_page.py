@@ -71,9 +71,9 @@ def test_the_file_of_the_example_is_accepted(example: tuple[list[str], Path, dic
 def test_the_last_two_sentences_hold(example: tuple[list[str], Path, dict]) -> None:
     arguments, folder, said = example
     tolerance = arguments.index("--geometry-tolerance") + 1
-    coarse = run([*arguments[:tolerance], "0.002", *arguments[tolerance + 1 :], "--json"], folder)
+    coarse = run([*arguments[:tolerance], "0.002", *arguments[tolerance + 1 :], "--json", "--force"], folder)
     assert json.loads(coarse.stdout)["settings"]["constraint_stop"] == 0.15 > said["settings"]["constraint_stop"]
-    assert run([*arguments, "--deceleration", "10"], folder).returncode == 1
+    assert run([*arguments, "--deceleration", "10", "--force"], folder).returncode == 1
 
 
 def test_the_refusal_that_is_quoted_is_the_one_that_is_given(tmp_path: Path) -> None:

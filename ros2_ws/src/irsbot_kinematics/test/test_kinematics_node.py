@@ -235,7 +235,7 @@ def test_the_service_answers_where_a_leg_is_folded_to_nothing():
         (state,) = client.evaluate(0.0, -2.0042699833528625, -0.9570724321562651, mode=1).states
         assert (state.level, state.causes) == (Level.OK, Cause.NONE)
         assert state.type1_margin[0] < 1e-9
-        assert state.clearance == 0.0
+        assert 0.0 <= state.clearance < 1e-15
 
 
 def test_a_thousand_poses_in_one_call_are_a_thousand_answers(irsbot2: Client):

@@ -50,7 +50,7 @@ def test_a_stop_distance_longer_than_any_margin_is_refused_with_both_numbers():
 @pytest.mark.parametrize("name", SHIPPED)
 def test_the_speed_that_a_refusal_calls_possible_is_accepted_and_a_little_more_is_not(name):
     settings, _robot = settings_of(name)
-    fast = [8.0 * speed for speed in settings.velocity_limit]
+    fast = [20.0 * speed for speed in settings.velocity_limit]
     said = refused(name, velocity_limit=fast)
     possible = float(said.rsplit(": ", 1)[1].split(" ")[0])
     first = int(said.split("'")[1].rsplit("_", 1)[1]) - 1

@@ -343,7 +343,7 @@ def test_an_operator_bypasses_one_cause_by_the_service_for_a_while(wire: Wire):
     again = cell.heard_level(Level.STOP)
     before = next(verdict for verdict in reversed(cell.verdicts) if verdict.bypassed)
     assert (again.event, again.latched, again.bypassed) == (before.event + 1, True, 0)
-    cell.logged("bypass of cause 1 of event 1 for 3 s by 'Ada', 'free it': ")
+    cell.logged(f"bypass of cause 1 of event {before.event} for 3 s by 'Ada', 'free it': ")
     entries = [entry for entry in map(read_entry, journal) if isinstance(entry, Bypass)]
     assert [math.isnan(entry.duration_s) for entry in entries[:2]] == [True, False]
     assert (entries[-1].operator, entries[-1].reason, entries[-1].duration_s) == ("Ada", "free it", 3.0)
@@ -607,7 +607,14 @@ def diagnostics(shared: Cell) -> Statuses:
 def test_diagnostics_have_one_status_per_check(cell: Cell, diagnostics: Statuses):
     checks = ("margins", "motion", "branch", "joint states", "velocities", "supervisor")
     cell.wire.until(lambda: diagnostics)
-    others = {"joint states rate", "joint states units", "joint states publishers", "verdict subscribers", "stops"}
+    others = {
+        "joint states rate",
+        "joint states units",
+        "joint states publishers",
+        "verdict subscribers",
+        "stops",
+        "calls",
+    }
     assert set(diagnostics[-1]) == {*checks, *others}
     cell.wire.until(lambda: all(diagnostics[-1][check] == (b"\x00", "OK") for check in checks))
     cell.say = lambda t: bad(t, position=(math.nan, 0.0))
@@ -628,7 +635,8 @@ def test_diagnostics_have_the_figures_as_values(cell: Cell):
     cell.wire.until(lambda: 0.0 < float(values("joint states")["samples [1/s]"]) < 2.0 / PERIOD_S, "a rate of samples")
     state, margins, supervisor = cell.states[-1], values("margins"), values("supervisor")
     assert float(margins["Type 1"]) == pytest.approx(min(state.type1_margin), abs=1e-5)
-    assert float(margins["while stopping"]) == pytest.approx(state.stop_margin, abs=1e-5)
+    least = float(margins["while stopping"])  # of some sample: how late the next may come changes from one to the next
+    assert any(least == pytest.approx(state.stop_margin, abs=1e-5) for state in cell.states)
     assert float(margins["stop limit"]) == state.stop_limit
     assert "constraint" in margins
     assert "limb" not in margins  # this robot has none

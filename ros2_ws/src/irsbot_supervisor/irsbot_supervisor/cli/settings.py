@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from rich.box import SIMPLE_HEAD
 from rich.table import Column, Table
 
 from irsbot_supervisor.cli.common import existing, out, print_json
@@ -38,15 +39,24 @@ def settings(
     wide = out.width >= WIDE
     names = ("value", "unit", "range", "meaning") if wide else ("value", "meaning, unit, range")
     others = (Column(name, overflow="fold") for name in names)
-    table = Table(Column("setting", min_width=longest, no_wrap=True), *others)
+    table = Table(
+        Column("setting", min_width=longest, no_wrap=True), *others, box=SIMPLE_HEAD, padding=(0, 1), pad_edge=False
+    )
     for row in rows:
-        value = ", ".join(map(str, row["value"])) if isinstance(row["value"], tuple) else str(row["value"])
         limits = f"{row['range']} {row['unit'] if row['unit'] != '1' else ''}".strip()
         told = f"{row['meaning']}; {limits}" if limits else row["meaning"]
         cells = (row["unit"], row["range"], row["meaning"]) if wide else (told,)
-        table.add_row(row["name"], value, *cells)
+        table.add_row(row["name"], _told(row["value"]), *cells)
     out.print(table)
     out.print(f"configuration {found.config_hash}")
+
+
+def _told(value: Any) -> str:
+    """A value for a reader; what is the same for every joint is said once."""
+    if not isinstance(value, tuple):
+        return f"{value:g}" if isinstance(value, float) else str(value)
+    each = [_told(one) for one in value]
+    return f"{each[0]} each" if len(each) > 1 and len(set(each)) == 1 else ", ".join(each)
 
 
 def _row(found: Settings, name: str, metadata: Any) -> dict[str, Any]:

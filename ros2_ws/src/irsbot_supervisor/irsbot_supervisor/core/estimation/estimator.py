@@ -34,6 +34,7 @@ class Wait(NamedTuple):
     expected_s: float
     usual_s: float  # as the sender goes on now
     late: bool  # whether samples have come more rarely than that
+    rare: bool  # and more rarely than heartbeats
 
 
 class Estimator:
@@ -65,7 +66,7 @@ class Estimator:
         """The estimate for a sample, or why the sample contradicts the motion so far. held: a stop is in force."""
         last, jumps = self._last, self._jumps
         if last is None:
-            return self._anew(sample, Wait(0.0, 0.0, False))
+            return self._anew(sample, Wait(0.0, 0.0, False, False))
         if step := step_ns(sample, last):
             last = self._last = self._moved(last, step)
             self._before = self._before and self._moved(self._before, step)
@@ -119,7 +120,7 @@ class Estimator:
     def _expected(self, sample: Accepted, passed_s: float, stamped_s: float) -> Wait:
         interval = self._gaps.expected(sample.seen_ns, passed_s, stamped_s)
         longest_s, usual_s = interval.longest_s, interval.usual_s
-        return Wait(longest_s + min(longest_s, JUDGING_S), usual_s + min(usual_s, JUDGING_S), interval.late)
+        return Wait(longest_s + min(longest_s, JUDGING_S), usual_s + min(usual_s, JUDGING_S), *interval[2:])
 
     def _unseen(self, sample: Accepted, since: Estimate, held: bool) -> Silence | None:
         """Where joints have been that went unseen since an earlier sample; None if that was no silence.
@@ -187,6 +188,9 @@ class Estimator:
                 tuple([max(speed, -said) for speed, said in zip(speeds.backward, suspicion.speeds, strict=True)]),
             )
         age_s = age / S if age > 0 else 0.0
+        standing_s = 0.0 if suspicion.speeds else self._standing_s(sample)
+        # Of a robot that moves, what jitters within a heartbeat is no excuse.
+        excused = wait.rare or (wait.late and standing_s >= self._stale_s)
         estimate = Estimate(
             sample.stamp_ns,
             sample.received_ns,
@@ -199,10 +203,10 @@ class Estimator:
             wait.expected_s + age_s,
             wait.expected_s,
             self._gaps.steady_s(sample.seen_ns),
-            0.0 if suspicion.speeds else self._standing_s(sample),
+            standing_s,
             branch_lost or suspicion.branch_lost,
             silence,
-            self._in_time(velocities.rates, speeds, wait, age_s) if wait.late else None,
+            self._in_time(velocities.rates, speeds, wait, age_s) if excused else None,
         )
         self._before, self._last = self._last, estimate
         return estimate

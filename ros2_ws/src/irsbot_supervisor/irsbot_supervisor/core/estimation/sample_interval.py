@@ -54,7 +54,8 @@ class Interval(NamedTuple):
 
     longest_s: float  # as late as it may come
     usual_s: float  # as the sender goes on now; at most as long
-    late: bool  # whether samples have come more rarely than that, and more rarely than heartbeats
+    late: bool  # whether samples have come more rarely than that
+    rare: bool  # and more rarely than heartbeats
 
 
 class Gaps:
@@ -84,12 +85,12 @@ class Gaps:
         if passed_s > silence_s:
             self._longest.forget()
             self._learned_ns = seen_ns
-            return Interval(silence_s, silence_s, False)
+            return Interval(silence_s, silence_s, False, False)
         gap_s = stamped_s if passed_s < stamped_s <= silence_s else passed_s
         longest_s = self._longest.second(seen_ns, gap_s, SETTLING * silence_s * S) or gap_s
         longest_s = max(longest_s, self._stated_s)
-        late = max(longest_s, stamped_s) > max(usual_s, self._beat_s)
-        return Interval(longest_s, min(usual_s, longest_s), late)
+        met_s = max(longest_s, stamped_s)
+        return Interval(longest_s, min(usual_s, longest_s), met_s > usual_s, met_s > max(usual_s, self._beat_s))
 
     def steady_s(self, seen_ns: int) -> float:
         """s since the last silence."""
