@@ -39,7 +39,7 @@ def test_no_number_of_an_assembly_mode_is_folded(width: int) -> None:
 def test_a_setting_takes_two_or_three_lines(width: int) -> None:
     said = irsbot("settings", "irsbot2").out.splitlines()
     assert max(map(len, said)) <= width
-    assert len(said) < 2.5 * len(fields(Settings))
+    assert len(said) < 3 * len(fields(Settings))
     assert "0.001..1" in "".join(said)
 
 
