@@ -42,7 +42,7 @@ AT_WORK = 0.3
 ARRIVAL_S = 0.02
 """s a message may be under way on a busy machine: a verdict counts when it arrives."""
 
-NOTHING = "nothing is shown, no motion was recorded after the supervisor went"
+NOTHING = "nothing is shown"
 TRIES = 3
 """How often a case is tried that shows nothing: a busy machine may stop the robot, or find the recorder late."""
 
@@ -158,7 +158,7 @@ def _stands(tally: Tally, recording: Recording, gone: Gone) -> tuple[str, str]:
     after = [s for s in recording.samples if gone.at_ns < s.stamp_ns < gone.at_ns + WATCHED_S * S]
     moving = [sample.stamp_ns for sample in after if any(sample.velocity)]
     if not moving:
-        return "", f"{NOTHING}: {len(after)} joint states in the bag"
+        return "", f"{NOTHING}, no motion was recorded after the supervisor went: {len(after)} joint states in the bag"
     stood_s = (moving[-1] - gone.at_ns) / S
     tally.largest(STAND_S, stood_s)
     stamps = [gone.at_ns, *[sample.stamp_ns for sample in after if sample.stamp_ns <= moving[-1]]]
@@ -172,6 +172,8 @@ def _told(tally: Tally, recording: Recording, gone: Gone) -> tuple[str, str]:
     settings, _robot = read_settings("irsbot2")
     end_ns = gone.at_ns + round(WATCHED_S * S)
     heard = [(log_ns, verdict.level) for log_ns, verdict in recording.verdicts if gone.at_ns < log_ns < end_ns]
+    if deaf := _unrecorded(recording, gone.at_ns, end_ns):
+        return "", f"{NOTHING}, the recorder missed {deaf} verdicts that were published"
     if not any(level == Level.UNKNOWN for _log_ns, level in heard):
         return "", f"no verdict UNKNOWN among the {len(heard)} of {WATCHED_S} s after the joint states ended"
     good = [state.received_ns for state in recording.states if state.level < Level.STOP and state.received_ns < end_ns]
@@ -180,3 +182,12 @@ def _told(tally: Tally, recording: Recording, gone: Gone) -> tuple[str, str]:
     tally.largest(TO_STOP_S, last_s)
     limit_s = settings.stale_s + settings.heartbeat_s + ARRIVAL_S
     return (f"OK still {last_s:.3f} s after the last joint state" if not last_s <= limit_s else ""), ""
+
+
+def _unrecorded(recording: Recording, begin_ns: int, end_ns: int) -> int:
+    """Verdicts of a time that the bag lacks, by their numbers; 0 if there is one: a supervisor that fell silent misses
+    none."""
+    before = [verdict.sequence for log_ns, verdict in recording.verdicts if log_ns <= begin_ns]
+    after = [verdict.sequence for log_ns, verdict in recording.verdicts if log_ns > begin_ns]
+    heard = [log_ns for log_ns, _verdict in recording.verdicts if begin_ns < log_ns < end_ns]
+    return after[0] - before[-1] - 1 if before and after and not heard else 0
