@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.box import SIMPLE_HEAD
 from rich.table import Column, Table
 
 from irsbot_supervisor.cli.common import existing, out, print_json
@@ -33,15 +32,12 @@ def settings(
     if as_json:
         print_json({"config_hash": found.config_hash, "settings": rows})
         return
-    longest = max(
-        len(row["name"]) for row in rows
-    )  # names are copied from here: where there is little room others fold
+    # Names are copied from here: where there is little room others fold.
+    longest = max(len(row["name"]) for row in rows)
     wide = out.width >= WIDE
     names = ("value", "unit", "range", "meaning") if wide else ("value", "meaning, unit, range")
     others = (Column(name, overflow="fold") for name in names)
-    table = Table(
-        Column("setting", min_width=longest, no_wrap=True), *others, box=SIMPLE_HEAD, padding=(0, 1), pad_edge=False
-    )
+    table = Table(Column("setting", min_width=longest, no_wrap=True), *others)
     for row in rows:
         limits = f"{row['range']} {row['unit'] if row['unit'] != '1' else ''}".strip()
         told = f"{row['meaning']}; {limits}" if limits else row["meaning"]
