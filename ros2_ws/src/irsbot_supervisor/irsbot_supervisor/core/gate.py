@@ -25,7 +25,7 @@ from irsbot_supervisor.core.policy import KINDS, WORDS
 from irsbot_supervisor.core.position_limits import PositionLimits
 from irsbot_supervisor.core.reach import position_error
 from irsbot_supervisor.core.settings import Settings
-from irsbot_supervisor.core.stopping import StoppingPredictor, floor_of, limits_of
+from irsbot_supervisor.core.stopping import StoppingPredictor, floor_of, limits_of, raised
 
 RESERVE = 0.02
 """1: share above the stop limits that a command keeps, so that the gate does not lead to the stop it is there to avoid:
@@ -90,7 +90,7 @@ class Gate:
         self._beat_s, self._latency_s = settings.heartbeat_s, settings.latency_s
         self._lag_s = settings.heartbeat_s + settings.latency_s  # until the drives follow the next command
         self._stop = limits_of(settings, "stop")
-        self._keep = _raised(self._stop)
+        self._keep = raised(self._stop, RESERVE)
         self._error = (position_error(settings),) * len(settings.velocity_limit)
         self._slack_m = settings.slack_m
         self._position = PositionLimits(settings, self._mechanism.joints)
@@ -239,8 +239,3 @@ def _fewer(along: float, inward: float) -> Iterator[tuple[float, float]]:
         yield along, 0.0
         along /= STEP
     yield 0.0, 0.0
-
-
-def _raised(stop: Margins) -> Margins:
-    type1, type2, constraint, limb = (min(limit * (1.0 + RESERVE), 0.5 * (1.0 + limit)) for limit in stop)
-    return type1, type2, constraint, limb

@@ -127,6 +127,7 @@ class Supervisor:
         self.settings = settings
         self._predictor = StoppingPredictor(settings, mechanism)
         self._bounds = BoxBounds(mechanism, settings.slack_m)
+        self._stop = limits_of(settings, "stop")
         self._policy = Policy(settings, mechanism.joints)
         self._position = PositionLimits(settings, mechanism.joints)
         self._reporter = Reporter(settings, mechanism, self.robot.name)
@@ -264,10 +265,10 @@ class Supervisor:
     def _counts(self, at: Posture, estimate: Estimate, floor: Margins) -> Margins:
         """What counts of the margins until standstill: where they stop the robot only because samples have come late,
         what they would be in time."""
-        in_time, stop = estimate.in_time, limits_of(self.settings, "stop")
-        if in_time is None or self._latch.latched or spare_of(floor, stop) >= 0.0:
+        ahead_s, stop = estimate.in_time_s, self._stop
+        if ahead_s is None or self._latch.latched or spare_of(floor, stop) >= 0.0:
             return floor
-        better = self._predictor.predict(at, *in_time, stop)
+        better = self._predictor.predict(at, self._estimator.in_time(estimate, ahead_s), ahead_s, stop)
         return better if spare_of(better, stop) >= 0.0 else floor
 
     def _rejected(self, sample: JointSample, why: Rejected) -> SingularityState:

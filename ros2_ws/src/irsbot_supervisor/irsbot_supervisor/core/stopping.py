@@ -260,8 +260,11 @@ def limits_of(settings: Settings, which: str) -> Margins:
 
 
 def release_of(settings: Settings) -> Margins:
-    """The limits at which a warning ends: above its limit, but not above 1, which no margin exceeds."""
-    type1, type2, constraint, limb = (
-        min(warn * (1.0 + settings.hysteresis), 0.5 * (1.0 + warn)) for warn in limits_of(settings, "warn")
-    )
+    """The limits at which a warning ends."""
+    return raised(limits_of(settings, "warn"), settings.hysteresis)
+
+
+def raised(limits: Margins, share: float) -> Margins:
+    """Limits that are higher by a share, but not above 1, which no margin exceeds."""
+    type1, type2, constraint, limb = (min(limit * (1.0 + share), 0.5 * (1.0 + limit)) for limit in limits)
     return type1, type2, constraint, limb

@@ -21,14 +21,6 @@ class Silence(NamedTuple):
     high: Floats
 
 
-class InTime(NamedTuple):
-    """What would be known of joints whose samples have come late, if samples came as they are sent now and the joints
-    moved as they seem to. Nothing is certain of it: it tells a robot in danger from one that is seen too rarely."""
-
-    speeds: Speeds
-    ahead_s: float  # s that the robot would go on unseen
-
-
 class Estimate(NamedTuple):
     """Where the joints are, how fast they may move, and when the next sample will have been judged."""
 
@@ -46,4 +38,4 @@ class Estimate(NamedTuple):
     standing_s: float = 0.0  # s for which no joint has moved faster than the standstill speed
     branch_lost: str = ""  # empty, or why nobody knows the branch from this sample on
     silence: Silence | None = None  # what has to be free of Type 2 if the branch is to be known still
-    in_time: InTime | None = None  # where samples have come late
+    in_time_s: float | None = None  # where samples have come late: `ahead_s` if they came as they are sent now

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from irsbot_kinematics.mechanism import Coordinate
 from irsbot_msgs_py.records import Cause, Floats
 from irsbot_supervisor.core.estimation.clock_steps import passed_s, stamped_s, step_ns, was_set
-from irsbot_supervisor.core.estimation.estimate import Estimate, InTime, Silence, Speeds
+from irsbot_supervisor.core.estimation.estimate import Estimate, Silence, Speeds
 from irsbot_supervisor.core.estimation.frozen import Frozen, Suspicion
 from irsbot_supervisor.core.estimation.jumps import Jumps
 from irsbot_supervisor.core.estimation.observer import Observer, excess
@@ -96,6 +96,16 @@ class Estimator:
         if speeds is None:
             return self._anew(sample, expected, HARD, suspicion=suspicion)
         return self._keep(sample, speeds, expected, suspicion=suspicion)
+
+    def in_time(self, estimate: Estimate, ahead_s: float) -> Speeds:
+        """The speeds as the observer would bound them if samples came as they are sent now and the joints moved as they
+        seem to. ahead_s: `in_time_s` of the estimate. Nothing is certain of it: it tells a robot in danger from one
+        that is seen too rarely."""
+        usual_s = ahead_s - (estimate.ahead_s - estimate.expected_s)
+        joints = list(zip(estimate.velocity, *estimate.speeds, excess(self._settings, 0.5 * usual_s), strict=True))
+        forward = [min(up, max(rate, 0.0) + e) if rate == rate else up for rate, up, _down, e in joints]
+        backward = [min(down, max(-rate, 0.0) + e) if rate == rate else down for rate, _up, down, e in joints]
+        return Speeds(tuple(forward), tuple(backward))
 
     @staticmethod
     def _moved(estimate: Estimate, step: int) -> Estimate:
@@ -206,17 +216,10 @@ class Estimator:
             standing_s,
             branch_lost or suspicion.branch_lost,
             silence,
-            self._in_time(velocities.rates, speeds, wait, age_s) if excused else None,
+            age_s + wait.usual_s if excused else None,
         )
         self._before, self._last = self._last, estimate
         return estimate
-
-    def _in_time(self, rates: Floats, speeds: Speeds, wait: Wait, age_s: float) -> InTime:
-        """The speeds as the observer would bound them, around what the joints seem to do."""
-        joints = list(zip(rates, *speeds, excess(self._settings, 0.5 * wait.usual_s), strict=True))
-        forward = [min(up, max(rate, 0.0) + e) if rate == rate else up for rate, up, _down, e in joints]
-        backward = [min(down, max(-rate, 0.0) + e) if rate == rate else down for rate, _up, down, e in joints]
-        return InTime(Speeds(tuple(forward), tuple(backward)), age_s + wait.usual_s)
 
     def _standing_s(self, sample: Accepted) -> float:
         """s for which no joint has moved faster than the standstill speed, by what is reported and by its positions:
