@@ -15,8 +15,8 @@ import sys
 from pathlib import Path
 from typing import NamedTuple
 
-from irsbot_supervisor.closed_loop import cycles, record
-from irsbot_supervisor.settings_file import read_settings, shipped_values
+from irsbot_supervisor.configuration.loading import read_settings, shipped_values
+from irsbot_supervisor.sim.closed_loop import cycles, record
 from irsbot_supervisor.sim.simulation import simulation_from
 
 HERE = Path(__file__).parent
@@ -79,11 +79,11 @@ def make(name: str, run: Run) -> None:
     values |= {"robot": run.robot, "scenario": run.scenario, "rate_hz": RATE_HZ, "cycle_s": run.cycle_s}
     simulation = simulation_from({**values, "encoder_resolution": settings.encoder_resolution}, robot)
     folder = HERE / name
-    story = (folder / "expected.json").read_text() if (folder / "expected.json").is_file() else None
+    expectation = (folder / "expected.json").read_text() if (folder / "expected.json").is_file() else None
     shutil.rmtree(folder, ignore_errors=True)
     record(cycles(simulation, robot, settings, run.faults or None, run.resets_s), run.seconds, robot, settings, folder)
-    if story is not None:
-        (folder / "expected.json").write_text(story)
+    if expectation is not None:
+        (folder / "expected.json").write_text(expectation)
     size = sum(file.stat().st_size for file in folder.iterdir())
     print(f"{name}: {run.seconds} s of {Path(run.scenario).stem} with {run.robot}, {size / 1024:.0f} KiB")
 

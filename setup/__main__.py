@@ -1,4 +1,4 @@
-"""What ./irsbot runs: set-up, then the command. Standard library only; nothing is installed yet when this starts."""
+"""Entry of ./irsbot: set-up, then the command. Standard library only, because nothing is installed yet."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from types import FrameType
 from typing import NoReturn
 
 import checks
+import compiled
 import problems
 import progress
 import steps
@@ -20,19 +21,24 @@ from place import Place
 USAGE = """\
 Usage: ./irsbot COMMAND [ARGS]
 
-  setup         set up whatever is missing, and nothing else (every command does that first)
-  test [ARGS]   ruff, mypy and every test; with ARGS pytest alone, given these: ./irsbot test -k margin
-  python ARGS   the interpreter of the environment: ./irsbot python -c 'import rclpy'
+  setup         set up whatever is missing; every command does that first
+                --compiled: compile the core and the kinematics, too
+                --plain: do without again, as IRSBOT_PLAIN=1 does
+  test [ARGS]   ruff, mypy and every test
+                with ARGS pytest alone, given these: ./irsbot test -k margin
+  python ARGS   the interpreter of the environment:
+                ./irsbot python -c 'import rclpy'
   shell [ARGS]  a bash in which ROS 2 and the workspace are sourced
 
-Uses a sourced ROS 2 Jazzy, or installs one from wheels in .venv (IRSBOT_ROS=wheels insists on that).
-IRSBOT_PYTHON names the Python 3.10, 3.11 or 3.12 to start from.
+Uses a sourced ROS 2 Jazzy, or installs one from wheels in .venv
+(IRSBOT_ROS=wheels insists on that). IRSBOT_PYTHON names the Python 3.10, 3.11
+or 3.12 to start from.
 """
 WITHOUT_SETUP = "The other commands, such as demo, are listed once ./irsbot setup was run.\n"
 
 
 class Interrupted(KeyboardInterrupt):
-    """Asked to end, by the signal in its argument; Ctrl-C is a KeyboardInterrupt without one."""
+    """A request to end, with its signal; Ctrl-C is a KeyboardInterrupt without one."""
 
 
 def main(arguments: list[str]) -> int:
@@ -62,7 +68,7 @@ def main(arguments: list[str]) -> int:
 
 
 def run(place: Place, arguments: Sequence[str]) -> int:
-    """Set up, then do what is asked."""
+    """Set up, then run the command."""
     command, *rest = arguments or ["--help"]
     if command in ("--help", "-h", "help"):
         print(USAGE, end="", flush=True)
@@ -70,8 +76,12 @@ def run(place: Place, arguments: Sequence[str]) -> int:
             print(WITHOUT_SETUP, end="")
             return 0
         print("The commands of the suite:", flush=True)
+    if command == "setup" and rest not in ([], [compiled.COMPILED], [compiled.PLAIN]):
+        raise problems.ProblemError(f"setup takes {compiled.COMPILED} or {compiled.PLAIN}, got {' '.join(rest)}")
     steps.prepare(place)
-    env = place.environment()
+    if command == "setup":
+        compiled.prepare(place, *rest)
+    env = compiled.added_to(place.environment(), place)
     if command == "setup":
         print("irsbot: set up")
         return 0
@@ -87,7 +97,7 @@ def run(place: Place, arguments: Sequence[str]) -> int:
 
 
 def open_shell(place: Place, arguments: Sequence[str], env: Mapping[str, str]) -> NoReturn:
-    """Bash in the environment; interactive, the user's own start-up file has its say first."""
+    """Bash in the environment; if it is interactive, the user's own start-up file runs first."""
     if arguments:
         become(["bash", *arguments], env)
     changed = {name: value for name, value in env.items() if os.environ.get(name) != value}

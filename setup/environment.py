@@ -1,4 +1,4 @@
-"""The variables under which everything of irsbot runs."""
+"""The environment variables of irsbot."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ def prepend(paths: SearchPaths, env: Mapping[str, str]) -> dict[str, str]:
 
 
 def workspace_paths(install: Path) -> SearchPaths:
-    """What sourcing the built workspace adds to each search path.
+    """Additions of the built workspace to each search path.
 
-    Asked from its setup script once, after a build: sourcing takes longer than most commands.
+    Taken from its setup script once, after a build: sourcing takes longer than most commands.
     """
     script = 'source "$1/local_setup.bash" && exec env -0'
     bare = {"PATH": "/usr/local/bin:/usr/bin:/bin", "_ROS_WHEELS_BOOTSTRAP_COMPLETE": "1"}
@@ -60,7 +60,7 @@ def workspace_paths(install: Path) -> SearchPaths:
 
 
 def save(paths: SearchPaths, file: Path) -> None:
-    """Keep what the workspace adds, for the next commands."""
+    """Store the additions of the workspace for the next commands."""
     file.write_text(json.dumps(paths, indent=2))
 
 

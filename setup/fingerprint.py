@@ -1,4 +1,4 @@
-"""What a build of the workspace depends on, as one number."""
+"""One number for everything on which a build of the workspace depends."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ def packages(source: Path) -> list[str]:
 
 
 def workspace_parts(source: Path) -> Iterator[str | bytes]:
-    """All that a build with symbolic links has to see again: declarations by content, other files by name.
+    """Everything that a build with symbolic links has to see again: declarations by content, other files by name.
 
-    Python modules are linked into place as whole directories, so neither their content nor their names matter.
+    Python modules are linked as whole directories, so neither their content nor their names matter.
     """
     for package in packages(source):
         for directory, subdirectories, files in os.walk(source / package):

@@ -1,4 +1,4 @@
-"""Where irsbot is, and on which Python and which ROS 2 it stands."""
+"""The place of irsbot, and its Python and ROS 2."""
 
 from __future__ import annotations
 
@@ -35,8 +35,13 @@ class Place:
 
     @property
     def paths_file(self) -> Path:
-        """What the built workspace adds to the search paths."""
+        """File with the additions of the built workspace to the search paths."""
         return self.workspace / "build" / "irsbot_paths.json"
+
+    @property
+    def compiled(self) -> Path:
+        """Compiled modules, if there are any."""
+        return self.workspace / "compiled"
 
     @property
     def log(self) -> Path:
@@ -52,5 +57,5 @@ class Place:
         return dict(os.environ) if self.sourced else environment.with_wheels(self.venv, os.environ)
 
     def environment(self) -> dict[str, str]:
-        """The environment of irsbot, once it is set up."""
+        """The environment of irsbot after the set-up."""
         return environment.prepend(environment.load(self.paths_file), self.underlay())

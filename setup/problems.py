@@ -1,4 +1,4 @@
-"""What can be missing on a machine, each said in one sentence with its remedy."""
+"""Things that can be missing on a machine, each with one sentence and its remedy."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import subprocess
 import tempfile
 from pathlib import Path
 
-NEEDED_BYTES = 2_500_000_000  # 1.1 GB of environment and workspace, 0.4 GB of downloads, and room to work
+NEEDED_BYTES = 2_500_000_000  # 1.2 GB of environment and workspace, 0.5 GB of downloads, and room to work
 
 NETWORK = (
     "the package index cannot be reached: connect this machine to the network, or name a proxy (HTTPS_PROXY) or a "
@@ -32,11 +32,11 @@ SYMPTOMS = {
 
 
 class ProblemError(Exception):
-    """Something the user can put right; its text is the one sentence to print."""
+    """A problem that the user can solve; its text is the sentence to print."""
 
 
 def explain(output: str) -> str | None:
-    """The sentence for what a failed command wrote, None if it is not one of the known ones."""
+    """The sentence for the output of a failed command, None if it is not a known one."""
     return next((sentence for symptom, sentence in SYMPTOMS.items() if re.search(symptom, output)), None)
 
 
@@ -95,6 +95,7 @@ MODULES = {
     "yaml": "apt install python3-yaml",
     "typer": "apt install python3-typer",
     "rich": "apt install python3-rich",
+    "jinja2": "apt install python3-jinja2",
     "matplotlib": "apt install python3-matplotlib",
     "psutil": "apt install python3-psutil",
     "polars": "pip install polars",
@@ -104,7 +105,9 @@ MODULES = {
 CHECK_MODULES = {
     "pytest": "apt install python3-pytest",
     "pytest_timeout": "apt install python3-pytest-timeout",
+    "xdist": "apt install python3-pytest-xdist",
     "hypothesis": "apt install python3-hypothesis",
+    "material": "pip install mkdocs-material",
     "mpmath": "apt install python3-mpmath",
     "ruff": "pip install ruff",
     "mypy": "pip install mypy types-PyYAML",

@@ -1,4 +1,4 @@
-"""Runs the commands of the set-up: their output into a log file, their life on the screen."""
+"""Runs the commands of the set-up: output into a log file, progress on the screen."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class CommandError(Exception):
 
 
 class Progress:
-    """Numbered steps on stderr, with elapsed time and what is going on."""
+    """Numbered steps on stderr, with elapsed time and present activity."""
 
     def __init__(self, log: Path, total: int, keep_open: Sequence[int] = ()) -> None:
         """keep_open: file descriptors that every command inherits."""
@@ -46,7 +46,7 @@ class Progress:
 
     @contextmanager
     def step(self, title: str) -> Iterator[None]:
-        """Announce one step, and say at its end how long it took."""
+        """Announce one step, and print its duration at its end."""
         self._number += 1
         self._title = title
         self._began_s = time.monotonic()
@@ -67,9 +67,10 @@ class Progress:
         env: Mapping[str, str],
         activity: Callable[[str], str] = lambda line: "",
     ) -> None:
-        """Run a command to its end; activity turns a line of its output into words for the screen, or "".
+        """Run a command to its end; activity converts a line of its output into a text for the screen, or "".
 
-        Raises CommandError if it fails. An exception meanwhile, as by Ctrl-C, ends it and everything it started.
+        Raises CommandError if it fails. An exception during the command, such as Ctrl-C, ends it and everything it
+        started.
         """
         print("$", *command, file=self._log, flush=True)
         process = subprocess.Popen(
@@ -95,7 +96,7 @@ class Progress:
             output.close()
 
     def _follow(self, output: IO[bytes], activity: Callable[[str], str]) -> str:
-        """Copy the output of a command into the log until it ends; its last part."""
+        """Copy the output of a command into the log until it ends; returns its last part."""
         tail = line = doing = ""
         with selectors.DefaultSelector() as ready:
             ready.register(output, selectors.EVENT_READ)
@@ -126,7 +127,7 @@ class Progress:
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
-    """End a command and everything it started: politely, then not."""
+    """End a command and everything it started: first by a request, then by force."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM, signal.SIGHUP})
     try:
         for how in (signal.SIGINT, signal.SIGKILL):

@@ -1,4 +1,4 @@
-"""The steps of the set-up: each is stamped with a key of what it was made from, and taken again when that changes."""
+"""The steps of the set-up. Each is stamped with a key of its input, and repeated when the key changes."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FORMAT = "1"  # raise it when the work of a step changes
 
 @dataclass(frozen=True)
 class Step:
-    """One step, the key of what it stands on, and the key of all it is made from."""
+    """One step, the key of its base, and the key of its whole input."""
 
     title: str
     stamp: Path
@@ -76,10 +76,10 @@ def all_steps(place: Place) -> list[Step]:
 
 
 def missing_steps(place: Place) -> list[Step]:
-    """The steps that have to be taken, in order.
+    """The steps that are missing, in order.
 
-    Nothing after a missing step is trusted, and no environment in which an installation was interrupted: that one is
-    made anew from its first step.
+    Steps after a missing one are not trusted, nor is an environment with an interrupted installation: it is made anew
+    from its first step.
     """
     steps = all_steps(place)
     states = [step.state() for step in steps]
@@ -89,10 +89,10 @@ def missing_steps(place: Place) -> list[Step]:
 
 
 def prepare(place: Place) -> None:
-    """Take the missing steps. Usually there are none, and then no lock is taken either."""
+    """Run the missing steps. Usually there are none, and then no lock is taken."""
     if not missing_steps(place):
         return
-    with _alone(place) as lock:
+    with alone(place) as lock:
         steps = missing_steps(place)  # another one may have taken them meanwhile
         if steps:
             _need_everything_for(place, steps)
@@ -116,10 +116,10 @@ def _take(step: Step, place: Place, progress: Progress) -> None:
 
 
 @contextmanager
-def _alone(place: Place) -> Iterator[int]:
-    """Hold the lock of the set-up: two at once in one directory would build over each other.
+def alone(place: Place) -> Iterator[int]:
+    """Hold the lock of the set-up: two set-ups in one directory would overwrite each other.
 
-    The commands of the set-up inherit it, so that it outlives a set-up that was killed while one of them goes on.
+    The commands of the set-up inherit it, so that it outlives a set-up that was killed while one of them continues.
     """
     lock = os.open(place.root / "setup", os.O_RDONLY)
     try:
@@ -142,5 +142,5 @@ def _need_everything_for(place: Place, steps: list[Step]) -> None:
     elif steps[0].work is work.make_venv:
         problems.need_wheel_platform()
         problems.need_space(place.root)
-        announcement = "irsbot: setting up, once: a few minutes, 0.4 GB to download, 1.2 GB on the disk"
+        announcement = "irsbot: setting up, once: a few minutes, 0.5 GB to download, 1.3 GB on the disk"
         print(announcement, file=sys.stderr, flush=True)

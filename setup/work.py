@@ -1,6 +1,6 @@
 """The work of each step of the set-up.
 
-before: in which state the last set-up left the step (steps.Step.state); only an "outdated" one is built upon.
+before: state in which the last set-up left the step (steps.Step.state); only an "outdated" one is reused.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def make_venv(place: Place, progress: Progress, before: str) -> None:
 
 
 def install_libraries(place: Place, progress: Progress, before: str) -> None:
-    """Exactly what requirements.txt says, then the exports that the wheels got wrong."""
+    """Install exactly requirements.txt, then correct the exports of the wheels."""
     # No resolving: the list is complete. No isolation: the one source package builds with the pinned setuptools.
     options = ("--no-deps", "--no-build-isolation", "--no-compile")
     _pip(place, progress, *options, "--requirement", "setup/requirements.txt")
@@ -57,7 +57,7 @@ def _pip(place: Place, progress: Progress, *arguments: str) -> None:
 
 
 def pip_activity(line: str) -> str:
-    """What pip is doing, from a line of its output; empty if the line does not tell."""
+    """Present activity of pip, from a line of its output; empty if the line does not show it."""
     loading = re.match(r"\s*(Downloading|Using cached) ([^-/\s]+)-\S+(?:\.whl|\.tar\.gz)( \(.*\))?", line)
     if loading:
         doing = "downloading" if loading[1] == "Downloading" else "from the cache:"
@@ -68,7 +68,7 @@ def pip_activity(line: str) -> str:
 
 
 def colcon_activity(line: str) -> str:
-    """What colcon is doing, from a line of its output; empty if the line does not tell."""
+    """Present activity of colcon, from a line of its output; empty if the line does not show it."""
     package = re.match(r"Starting >>> (\S+)", line)
     if package:
         return f"building {package[1]}"
@@ -79,7 +79,7 @@ def colcon_activity(line: str) -> str:
 
 
 def _correct_exports(place: Place) -> None:
-    """The CMake exports of the wheels carry include paths of the machine they were built on: write ours."""
+    """Correct the CMake exports of the wheels, which contain include paths of the machine they were built on."""
     ask = [place.interpreter, "-c", ASK_INCLUDES]
     answer = subprocess.run(ask, env=place.underlay(), check=True, capture_output=True, text=True).stdout
     python_include, numpy_include = answer.splitlines()
@@ -92,7 +92,7 @@ def _correct_exports(place: Place) -> None:
 
 
 def _remove_stale_builds(place: Place, *, everything: bool) -> None:
-    """Remove the build of packages that are gone, or of all if it was interrupted or stood on something else."""
+    """Remove the build of packages that no longer exist, or of all if it was interrupted or had another base."""
     present = packages(place.workspace / "src")
     for built in (place.workspace / "build", place.install):
         for package in built.glob("*"):

@@ -172,7 +172,9 @@ map nonsense
 map irsbot2 --what nonsense
 map irsbot2 --mode +++
 map irsbot2 --mode up
-map irsbot2 -o x.pdf
+map irsbot2 -o x.jpg
+monitor --web --once
+monitor --web --web-port 0
 map irsbot2 -o exists.png
 map irsbot2 --nodes 1
 map irsbot2 --box 1 0 0 1
@@ -185,6 +187,10 @@ map irsbot2 --what force --admissible 100 --centre 0
 map irsbot2 --admissible 100
 verdict --domain 500
 verdict --wait 0
+monitor --once --domain 500
+monitor --once --wait 0
+docs --out exists.csv
+docs --out .
 reset
 reset 1
 reset one --by Ann --because x

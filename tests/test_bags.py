@@ -6,35 +6,33 @@ import json
 import re
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from command import IRSBOT, PATIENCE_S
 
 from irsbot_msgs_py.records import Level, SingularityState
-from irsbot_supervisor.closed_loop import BEGIN_NS
-from irsbot_supervisor.core.intake import S
-from irsbot_supervisor.replay import judge_again, read_recording
-from irsbot_supervisor.story import levels_of, read_story
-from irsbot_supervisor.tape import Tape, TapeWriter
-from irsbot_supervisor.verify import against_recording, against_story
+from irsbot_msgs_py.stamps import NS_PER_S
+from irsbot_supervisor.bag.bag import Bag, BagWriter
+from irsbot_supervisor.replay.comparison import against_expectation, against_recording
+from irsbot_supervisor.replay.expectation import levels_of, read_expectation
+from irsbot_supervisor.replay.rejudge import judge_again, read_recording
+from irsbot_supervisor.sim.closed_loop import BEGIN_NS
 
 ROOT = Path(__file__).parents[1]
 BAGS = sorted(path.parent for path in (ROOT / "bags").glob("*/expected.json"))
-IRSBOT = [sys.executable, "-m", "irsbot_supervisor"]
-PATIENCE_S = 120.0
 
 
 @pytest.mark.parametrize("bag", BAGS, ids=lambda bag: bag.name)
-def test_every_bag_tells_its_story_again(bag: Path) -> None:
+def test_every_bag_replays_to_its_expectation(bag: Path) -> None:
     recording = read_recording(bag)
     judged = judge_again(recording)
     assert judged == judge_again(recording), "two replays differ"
     assert (judged.unseen, judged.missing) == (0, 0)
-    story = read_story(bag / "expected.json")
-    assert story.levels
-    assert story.measures
-    for check in (*against_recording(recording, judged), *against_story(recording, judged, story)):
+    expectation = read_expectation(bag / "expected.json")
+    assert expectation.levels
+    assert expectation.measures
+    for check in (*against_recording(recording, judged), *against_expectation(recording, judged, expectation)):
         assert check.faults == (), check.name
     assert sum(file.stat().st_size for file in bag.iterdir()) < 1_000_000
 
@@ -55,9 +53,9 @@ def test_there_are_ten_bags_and_the_list_of_them_is_complete() -> None:
 def test_round_a_cusp_the_joints_come_back_and_the_supervisor_knows_the_other_pose(
     bag: str, before: tuple[float, ...], after: tuple[float, ...], margin: float
 ) -> None:
-    """Poses of docs/algebra.md: found there by a proved path, here by the supervisor."""
-    with Tape(ROOT / "bags" / bag) as tape:
-        states = [entry.record for entry in tape.records() if isinstance(entry.record, SingularityState)]
+    """Poses of docs/explanation/algebra.md: found there by a proved path, here by the supervisor."""
+    with Bag(ROOT / "bags" / bag) as opened:
+        states = [entry.record for entry in opened.records() if isinstance(entry.record, SingularityState)]
     assert states[0].joint_position == states[-1].joint_position
     assert states[0].pose == pytest.approx(before, abs=2e-4)  # as fine as the encoders
     assert states[-1].pose == pytest.approx(after, abs=2e-4)
@@ -67,9 +65,9 @@ def test_round_a_cusp_the_joints_come_back_and_the_supervisor_knows_the_other_po
 def test_a_recording_that_begins_in_the_middle_of_the_work_is_judged_from_there(tmp_path: Path) -> None:
     """Settings are said once, long before; samples and verdicts begin after a hundred others."""
     target, skipped = tmp_path / "late.mcap", 0
-    with Tape(ROOT / "bags" / "type2") as tape, TapeWriter(target) as writer:
-        for entry in tape.records():
-            early = entry.log_ns < BEGIN_NS + S // 10 and not isinstance(entry.record, str)
+    with Bag(ROOT / "bags" / "type2") as opened, BagWriter(target) as writer:
+        for entry in opened.records():
+            early = entry.log_ns < BEGIN_NS + NS_PER_S // 10 and not isinstance(entry.record, str)
             skipped += early
             if not early:
                 writer.add(entry.topic, entry.record, entry.log_ns)
@@ -77,10 +75,12 @@ def test_a_recording_that_begins_in_the_middle_of_the_work_is_judged_from_there(
     recording = read_recording(target)
     judged = judge_again(recording)
     assert [check.faults for check in against_recording(recording, judged)] == [(), ()]
-    levels = levels_of(judged.chapters)
+    levels = levels_of(judged.intervals)
     assert [entry.level for entry in levels] == [Level.UNKNOWN, Level.OK, Level.WARN, Level.STOP]
     waited_ns = levels[1].since_ns - levels[0].since_ns
-    assert waited_ns == pytest.approx(0.15 * S)  # until samples are known to come, and the dwell time, from here on
+    assert waited_ns == pytest.approx(
+        0.15 * NS_PER_S
+    )  # until samples are known to come, and the dwell time, from here on
 
 
 def test_a_bag_becomes_a_test_that_fails_until_a_person_has_read_it(tmp_path: Path) -> None:
@@ -94,15 +94,15 @@ def test_a_bag_becomes_a_test_that_fails_until_a_person_has_read_it(tmp_path: Pa
     unread = replay()
     assert unread.returncode == 1
     assert "a person has to read it" in unread.stderr
-    said = json.loads(draft.read_text())
-    del said["draft"]
-    draft.write_text(json.dumps(said))
+    stated = json.loads(draft.read_text())
+    del stated["draft"]
+    draft.write_text(json.dumps(stated))
     assert replay().returncode == 0
     again = replay("--write-expect", str(draft))
     assert again.returncode == 2
     assert "never replaced" in again.stderr
-    said["story"][-1]["causes"] = ["LIMB"]
-    draft.write_text(json.dumps(said))
+    stated["story"][-1]["causes"] = ["LIMB"]
+    draft.write_text(json.dumps(stated))
     assert replay().returncode == 1
 
 

@@ -32,7 +32,9 @@ def test_the_campaign_sees_a_wrong_count_a_missing_posture_and_a_wrong_zone(monk
     assert module.compare_counts(d, found) == (0, 0)
     fewer = module.Scan(found.owner[1:], found.psi[1:])
     assert module.compare_counts(d, fewer) == (1, 1)
-    exact = module.answers
-    monkeypatch.setattr(module, "answers", lambda d: {n: type(a)(a.smaller, a.larger) for n, a in exact(d).items()})
+    exact = module.evaluate_questions
+    monkeypatch.setattr(
+        module, "evaluate_questions", lambda d: {n: type(a)(a.smaller, a.larger) for n, a in exact(d).items()}
+    )
     with np.errstate(invalid="ignore"):  # infinite slack, now of the other sign
         assert module.compare_zones(d, found)[1] > 6

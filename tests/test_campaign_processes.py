@@ -6,15 +6,10 @@ import pytest
 
 pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
-from irsbot_supervisor.campaign import floods, operators, outages, silence, soak
-from irsbot_supervisor.campaign.rows import Job, Row
+from irsbot_supervisor.validation.harness.rows import Job, Row
+from irsbot_supervisor.validation.with_nodes import floods, operators, outages, silence, soak
 
-pytestmark = [
-    pytest.mark.ros,
-    pytest.mark.slow,
-    # rclpy reads .idl files with a version of lark that still imports this module
-    pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning"),
-]
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 
 def short(amount: int) -> Job:
@@ -57,7 +52,7 @@ def test_nodes_may_freeze_and_die(monkeypatch: pytest.MonkeyPatch):
     assert row.figures[outages.STAND_S] > 0.05  # the robot moved on for a while: the test bites
 
 
-def test_verdicts_go_on_whatever_else_a_supervisor_is_asked_and_wherever_it_prints(monkeypatch: pytest.MonkeyPatch):
+def test_verdicts_continue_during_requests_and_while_output_stalls(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(silence, "ROBOTS", ("irsbot2",))  # the slowest robots: the long row
     row = silence.run(short(len(silence.CAUSES)))
     assert met(row)

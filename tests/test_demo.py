@@ -5,25 +5,24 @@ from __future__ import annotations
 import json
 import signal
 import subprocess
-import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import psutil
 import pytest
+from command import IRSBOT, PATIENCE_S
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
 from irsbot_msgs_py.records import Level
-from irsbot_supervisor.core.intake import S
-from irsbot_supervisor.replay import judge_again, read_recording
-from irsbot_supervisor.tape import Tape, TapeWriter
+from irsbot_msgs_py.stamps import NS_PER_S
+from irsbot_supervisor.bag.bag import Bag, BagWriter
+from irsbot_supervisor.bag.mcap_writer import BagError
+from irsbot_supervisor.replay.rejudge import judge_again, read_recording
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
-
-IRSBOT = [sys.executable, "-m", "irsbot_supervisor"]
-PATIENCE_S = 120.0
-"""s a test waits for an event on a busy machine."""
 
 
 @pytest.fixture(scope="module")
@@ -42,10 +41,10 @@ def test_the_robot_stops_before_its_margins_are_crossed(demo: tuple[Path, str]) 
     assert min(min(state.type1_margin) for state in states) >= 0.15  # the shipped stop limit
     assert min(state.type2_margin for state in states) >= 0.15
     assert states[-1].joint_velocity == (0.0, 0.0)
-    assert max(max(map(abs, state.joint_velocity)) for state in states) > 5.0  # it was fast before: the test bites
+    assert max(max(map(abs, state.joint_velocity)) for state in states) > 2.0  # it was fast before: the test bites
 
 
-def test_the_timeline_tells_time_level_cause_and_limit(demo: tuple[Path, str]) -> None:
+def test_the_timeline_prints_time_level_cause_and_limit(demo: tuple[Path, str]) -> None:
     _folder, printed = demo
     for words in ("OK", "STOP", "Type 1 margin", "limit 0.1500", "limit crossed -> standstill", "replay"):
         assert words in printed
@@ -56,7 +55,7 @@ def test_times_of_the_timeline_are_those_of_the_robot_since_the_first_judged_sam
     assert "since the first sample that was judged\n" in printed
     recording = read_recording(folder / "bag")
     stop = next(verdict for _log, verdict in recording.verdicts if verdict.level == Level.STOP)
-    since_s = (stop.stamp_ns - recording.states[0].stamp_ns) / S
+    since_s = (stop.stamp_ns - recording.states[0].stamp_ns) / NS_PER_S
     (line, *_) = [line for line in printed.splitlines() if " s  STOP " in line]
     assert float(line.split()[0]) == pytest.approx(since_s, abs=6e-4)  # three digits
 
@@ -71,7 +70,8 @@ def test_the_bag_opens_with_public_readers(demo: tuple[Path, str]) -> None:
         counts = {connection.topic: connection.msgcount for connection in reader.connections}
         state = next(c for c in reader.connections if c.topic == "/supervisor/state")
         message = next(reader.messages([state]))
-        assert reader.deserialize(message[2], state.msgtype).robot == "irsbot2"
+        first: Any = reader.deserialize(message[2], state.msgtype)
+        assert first.robot == "irsbot2"
     with next(bag.glob("*.mcap")).open("rb") as file:
         summary = make_reader(file).get_summary()
     assert summary is not None
@@ -91,27 +91,38 @@ def test_the_replay_agrees_and_two_replays_are_the_same(demo: tuple[Path, str]) 
 
 def test_an_altered_verdict_is_found_and_its_sample_named(demo: tuple[Path, str], tmp_path: Path) -> None:
     altered, target = None, tmp_path / "altered.mcap"
-    with Tape(demo[0] / "bag") as tape, TapeWriter(target) as writer:
-        for entry in tape.records():
-            record = entry.record
+    with Bag(demo[0] / "bag") as opened, BagWriter(target) as writer:
+        for entry in opened.records():
+            record: Any = entry.record
             if altered is None and getattr(record, "level", None) == Level.STOP and hasattr(record, "latched"):
                 altered = record = record._replace(level=Level.OK)
             writer.add(entry.topic, record, entry.log_ns)
     assert altered is not None
     done = subprocess.run([*IRSBOT, "replay", str(target)], capture_output=True, text=True, timeout=PATIENCE_S)
     assert done.returncode == 1
-    assert f"verdict {altered.sequence} at sample stamped {altered.stamp_ns / S:.6f}" in done.stderr
+    assert f"verdict {altered.sequence} at sample stamped {altered.stamp_ns / NS_PER_S:.6f}" in done.stderr
 
 
-def _working_demo(process: subprocess.Popen[str]) -> list[psutil.Process]:
-    """The nodes of a demo, once its supervisor has said OK."""
-    assert process.stdout is not None
-    for line in process.stdout:
-        if " OK " in line:
-            break
-    children = psutil.Process(process.pid).children(recursive=True)
-    assert len(children) >= 4, "the nodes are not up: the test proves nothing"
-    return children
+def _nodes_of(process: subprocess.Popen[str]) -> list[psutil.Process]:
+    """The processes of a demo, once all its nodes are there."""
+    parent = psutil.Process(process.pid)
+    _await(lambda: len(parent.children(recursive=True)) >= 4)
+    return parent.children(recursive=True)
+
+
+def _await(event: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while not event():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def _samples(bag: Path) -> int:
+    """Joint states that can be read by now."""
+    try:
+        return len(read_recording(bag).samples)
+    except (BagError, OSError):
+        return 0
 
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
@@ -119,11 +130,8 @@ def test_interrupting_the_demo_leaves_no_process_and_a_closed_bag(tmp_path: Path
     folder = tmp_path / "run"
     with subprocess.Popen([*IRSBOT, "demo", "--out", str(folder)], stdout=subprocess.PIPE, text=True) as process:
         try:
-            children = _working_demo(process)
-            deadline = time.monotonic() + PATIENCE_S
-            while not list((folder / "bag").glob("*.mcap")):  # on a busy machine the recorder comes last
-                assert time.monotonic() < deadline
-                time.sleep(0.05)
+            children = _nodes_of(process)
+            _await(lambda: _samples(folder / "bag") > 0)  # on a busy machine the recorder comes last
             process.send_signal(how)
             process.communicate(timeout=PATIENCE_S)
         finally:
@@ -135,11 +143,26 @@ def test_interrupting_the_demo_leaves_no_process_and_a_closed_bag(tmp_path: Path
     assert not recording.loss
 
 
+def test_interrupting_the_demo_before_a_joint_state_is_recorded_is_reported(tmp_path: Path) -> None:
+    bag = tmp_path / "run" / "bag"
+    command, pipe = [*IRSBOT, "demo", "--out", str(bag.parent)], subprocess.PIPE
+    with subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True) as process:
+        try:
+            _await(lambda: bool(list(bag.glob("*.mcap"))))  # the joints start later, after the supervisor
+            process.send_signal(signal.SIGTERM)
+            _out, err = process.communicate(timeout=PATIENCE_S)
+        finally:
+            process.kill()
+    assert process.returncode == 1
+    (line,) = err.splitlines()
+    assert "interrupted" in line
+
+
 def test_killing_the_demo_kills_its_nodes(tmp_path: Path) -> None:
     command = [*IRSBOT, "demo", "--out", str(tmp_path / "run")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         try:
-            children = _working_demo(process)
+            children = _nodes_of(process)
         finally:
             process.kill()
     _gone, alive = psutil.wait_procs(children, timeout=PATIENCE_S)
@@ -190,9 +213,9 @@ def test_the_report_is_one_page_with_everything_in_it(tmp_path: Path) -> None:
     done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
     assert done.returncode == 0, done.stderr
     text = page.read_text()
-    for words in ("data:image/png;base64,", "Type 2 margin", "BRAKING", "recorded verdicts: same", "type2_stop"):
+    for words in ('id="data"', "Type 2 margin", "BRAKING", "recorded verdicts: same", "type2_stop"):
         assert words in text
-    assert "http" not in text, "the page must not need anything from elsewhere"
+    assert "://" not in text, "the page must not need anything from elsewhere"
 
 
 def test_a_planned_motion_is_certified_or_its_first_violation_named(tmp_path: Path) -> None:

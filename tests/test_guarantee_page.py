@@ -1,4 +1,4 @@
-"""The numbers of docs/guarantee.md follow from the theorem and the shipped settings."""
+"""The numbers of docs/explanation/guarantee.md follow from the theorem and the shipped settings."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 import irsbot_kinematics as irs
+from irsbot_supervisor.configuration.loading import read_settings, shipped_values
 from irsbot_supervisor.core.settings import Settings
-from irsbot_supervisor.settings_file import read_settings, shipped_values
 
-PAGE = (Path(__file__).parents[1] / "docs" / "guarantee.md").read_text()
+PAGE = (Path(__file__).parents[1] / "docs" / "explanation" / "guarantee.md").read_text()
 PERIOD_S = 1e-3
 SHIPPED = sorted(name for name in irs.robots() if shipped_values(irs.make_robot(name)))
 
@@ -70,16 +70,16 @@ def costs() -> dict[str, float]:
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_the_box_of_every_shipped_robot_is_the_one_of_the_theorem(name: str) -> None:
-    (said,) = re.findall(rf"^\| {name} \|.*$", PAGE, re.MULTILINE)
-    assert said == row(name)
+    (stated,) = re.findall(rf"^\| {name} \|.*$", PAGE, re.MULTILINE)
+    assert stated == row(name)
     settings, _robot = read_settings(name)
     assert len(set(settings.velocity_limit)) == 1, "one row is enough for all joints"
 
 
 @pytest.mark.parametrize(("begin", "cost"), costs().items())
-def test_what_is_not_covered_costs_what_the_page_says(begin: str, cost: float) -> None:
-    (said,) = re.findall(rf"^\| {begin}.*\|(.*)\|$", PAGE, re.MULTILINE)
-    assert f"{cost:.2g} rad" in said
+def test_the_costs_of_what_is_not_covered_are_those_of_the_page(begin: str, cost: float) -> None:
+    (stated,) = re.findall(rf"^\| {begin}.*\|(.*)\|$", PAGE, re.MULTILINE)
+    assert f"{cost:.2g} rad" in stated
 
 
 def test_the_rows_are_the_shipped_robots_and_no_others() -> None:

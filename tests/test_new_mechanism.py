@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from command import IRSBOT
 
-IRSBOT = [sys.executable, "-m", "irsbot_supervisor"]
 PRR3 = Path(__file__).parents[1] / "docs" / "examples" / "prr3" / "prr3.py"
 
 NEAR_END = """\
@@ -24,8 +23,8 @@ INVERSE = """\
         for (ox, oy), a, (bx, by), l, w in legs:
             ux, uy = cos(a), sin(a)
             dx, dy = x + c * bx - s * by - ox, y + s * bx + c * by - oy
-            h = k.size(ux * dy - uy * dx)
-            joints.append(dx * ux + dy * uy + w * k.root((l - h) * (l + h)))
+            h = k.abs(ux * dy - uy * dx)
+            joints.append(dx * ux + dy * uy + w * k.safe_sqrt((l - h) * (l + h)))
             reach.append(l - h)
         return tuple(joints), tuple(reach)
 """
@@ -35,11 +34,12 @@ DIRECT = """\
         b = self.corners[2][0]
         (x, y), slack, apart = _meet(k, c1, l1, c2, l2, 1 if assembly > 0 else -1)
         (bx, by), slack_b, apart_b = _meet(k, (x, y), b, c3, l3, 1 if abs(assembly) == 1 else -1)
-        return (x, y, k.atan2(by - y, bx - x)), (k.least(slack, slack_b), k.least(apart, apart_b))
+        return (x, y, k.atan2(by - y, bx - x)), (k.minimum(slack, slack_b), k.minimum(apart, apart_b))
 """
 RAILS = """\
         e = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-        return Rail((-g.size, 0.0, 0.0), e[0]), Rail((0.0, -g.size, 0.0), e[1]), Rail((0.0, 0.0, -g.size), e[2])
+        starts = ((-g.size, 0.0, 0.0), (0.0, -g.size, 0.0), (0.0, 0.0, -g.size))
+        return tuple(RailInSpace(start, way) for start, way in zip(starts, e, strict=True))
 """
 
 
@@ -59,7 +59,7 @@ def filled(file: Path, **bodies: str) -> None:
 
 
 @pytest.mark.parametrize("platform", ["planar", "spatial"])
-def test_a_skeleton_says_which_equation_is_missing(platform: str, tmp_path: Path) -> None:
+def test_a_skeleton_names_the_missing_equation(platform: str, tmp_path: Path) -> None:
     assert irsbot("new-mechanism", "Mine", "--platform", platform, "--out", tmp_path).returncode == 0
     done = irsbot("check-mechanism", tmp_path / "mine.yaml")
     assert done.returncode in (1, 2)
@@ -89,18 +89,18 @@ def test_a_spatial_skeleton_keeps_the_laws_with_its_rails(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "stated"),
     [
         (["mine"], "'mine' is no name of a class"),
         (["Mine", "--legs", "7"], "there is no skeleton of a planar platform with 7 legs"),
         (["Mine", "--platform", "round"], "there is no skeleton of a round platform"),
     ],
 )
-def test_bad_use_is_refused_in_one_line(words: list[str], said: str, tmp_path: Path) -> None:
+def test_bad_use_is_refused_in_one_line(words: list[str], stated: str, tmp_path: Path) -> None:
     done = irsbot("new-mechanism", *words, "--out", tmp_path)
     assert done.returncode == 2
     (line,) = done.stderr.strip().splitlines()
-    assert said in line
+    assert stated in line
     assert list(tmp_path.iterdir()) == []
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ast
+import os
+import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
@@ -18,6 +20,7 @@ PACKAGES = ("irsbot_kinematics", "irsbot_msgs_py", "irsbot_supervisor")
 
 KEYS = {
     "contourpy": "python3-matplotlib",  # which draws contours by it
+    "jinja2": "python3-jinja2",
     "matplotlib": "python3-matplotlib",
     "numpy": "python3-numpy",
     "psutil": "python3-psutil",
@@ -28,7 +31,7 @@ KEYS = {
 }
 """Module -> rosdep key of an Ubuntu 24.04 package. ROS packages are their own keys."""
 
-WITHOUT_KEY = {"mcap", "lz4", "zstandard", "plotly", "polars", "rosbags"}
+WITHOUT_KEY = {"mcap", "lz4", "zstandard", "plotly", "polars", "rosbags", "websockets", "dask", "distributed"}
 """Not packaged by Ubuntu 24.04 under a key that needs no pip; who needs one is told so in a sentence."""
 
 
@@ -51,11 +54,11 @@ def declared(package: str) -> set[str]:
 
 
 def said_to_setup(package: str, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
-    said: dict[str, Any] = {}
-    monkeypatch.setattr(setuptools, "setup", said.update)
+    stated: dict[str, Any] = {}
+    monkeypatch.setattr(setuptools, "setup", stated.update)
     monkeypatch.chdir(SRC / package)
     exec((SRC / package / "setup.py").read_text(encoding="utf-8"), {"__name__": "__main__"})
-    return said
+    return stated
 
 
 @pytest.mark.parametrize("package", PACKAGES)
@@ -74,17 +77,17 @@ def test_no_key_needs_pip(package: str) -> None:
 @pytest.mark.parametrize("package", PACKAGES)
 def test_colcon_finds_the_tests_of_every_package(package: str, monkeypatch: pytest.MonkeyPatch) -> None:
     colcon = pytest.importorskip("colcon_core.task.python.test.pytest", reason="needs colcon")
-    said = said_to_setup(package, monkeypatch)
-    assert colcon.PytestPythonTestingStep().match(None, {}, said)
+    stated = said_to_setup(package, monkeypatch)
+    assert colcon.PytestPythonTestingStep().match(None, {}, stated)
     assert list((SRC / package / "test").glob("test_*.py"))
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_every_executable_exists_and_says_which_module_it_runs(package: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_executable_exists_and_names_its_module(package: str, monkeypatch: pytest.MonkeyPatch) -> None:
     for script in _scripts(said_to_setup(package, monkeypatch)):
         module, function = script.split("=")[1].strip().split(":")
         started: list[str] = []
-        monkeypatch.setattr("irsbot_msgs_py.start.start", started.append)
+        monkeypatch.setattr("irsbot_msgs_py.process.start.start", started.append)
         monkeypatch.delitem(sys.modules, module, raising=False)
         getattr(import_module(module), function)()
         (runs,) = started
@@ -92,11 +95,70 @@ def test_every_executable_exists_and_says_which_module_it_runs(package: str, mon
         assert "def main()" in file.read_text(encoding="utf-8")
 
 
-def _scripts(said: dict[str, Any]) -> Iterator[str]:
-    yield from said.get("entry_points", {}).get("console_scripts", ())
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What an installation without links holds of the three packages."""
+    folder = tmp_path_factory.mktemp("installed")
+    for package in PACKAGES:
+        scratch = folder / "build" / package
+        command = [sys.executable, "setup.py", "-q", "build", "--build-base", str(scratch)]
+        command += ["build_py", "--build-lib", str(folder / "lib"), "egg_info", "--egg-base", str(scratch.parent)]
+        scratch.mkdir(parents=True)
+        done = subprocess.run(command, cwd=SRC / package, capture_output=True, text=True, timeout=120)
+        assert done.returncode == 0, done.stderr
+    return folder / "lib"
 
 
-def test_what_a_sourced_machine_has_to_have_is_used() -> None:
+@pytest.mark.parametrize("package", PACKAGES)
+def test_an_installed_copy_holds_every_file_of_its_package(package: str, installed: Path) -> None:
+    def files(root: Path) -> set[Path]:
+        return {path.relative_to(root) for path in root.rglob("*") if path.is_file() and path.suffix != ".pyc"}
+
+    assert files(installed / package) == files(SRC / package / package)
+
+
+ASK = """
+import irsbot_supervisor, irsbot_kinematics
+from irsbot_kinematics.stiffness import presets
+from irsbot_msgs_py.process.fastdds import LOCALHOST, NETWORK
+from irsbot_supervisor.configuration.loading import read_settings
+from irsbot_supervisor.sim.scenario_file import scenario_names
+from pathlib import Path
+assert all(Path(file).is_file() for file in (LOCALHOST, NETWORK))
+assert irsbot_supervisor.__file__.startswith({folder!r}), irsbot_supervisor.__file__
+for robot in irsbot_kinematics.robots():
+    read_settings(robot)
+print(len(irsbot_kinematics.robots()), len(scenario_names()), len(presets()))
+"""
+
+
+def test_an_installed_copy_finds_robots_settings_scenarios_and_profiles(installed: Path) -> None:
+    done = _python(installed, ["-c", ASK.format(folder=str(installed))])
+    assert done.returncode == 0, done.stderr
+    assert all(int(count) > 0 for count in done.stdout.split())
+
+
+@pytest.mark.ros
+def test_the_nodes_of_an_installed_copy_start(installed: Path) -> None:
+    pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
+    for module in ("irsbot_supervisor.nodes.supervisor", "irsbot_kinematics.nodes.kinematics"):
+        done = _python(installed, ["-m", module, "--ros-args", "-p", "robot:=nonsense"])
+        assert (done.returncode, "Traceback" in done.stderr) == (2, False), done.stderr
+        assert "nonsense" in done.stderr
+
+
+def _python(installed: Path, arguments: list[str]) -> subprocess.CompletedProcess[str]:
+    path = os.pathsep.join([str(installed), *filter(None, [os.environ.get("PYTHONPATH")])])
+    command = [sys.executable, *arguments]
+    env = {**os.environ, "PYTHONPATH": path}
+    return subprocess.run(command, cwd=installed, env=env, capture_output=True, text=True, timeout=120)
+
+
+def _scripts(stated: dict[str, Any]) -> Iterator[str]:
+    yield from stated.get("entry_points", {}).get("console_scripts", ())
+
+
+def test_the_dependencies_of_a_sourced_machine_are_used() -> None:
     sys.path.insert(0, str(Path(__file__).parents[1] / "setup"))
     try:
         needed = import_module("problems").MODULES

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from irsbot_supervisor.campaign.recorder import BACK, OF, Piece, cut, flip, make_bag
-from irsbot_supervisor.campaign.rows import Job, Tally
+from irsbot_supervisor.validation.harness.rows import Job, Tally
+from irsbot_supervisor.validation.with_nodes.recorder import BACK, OF, Piece, cut, flip, make_bag
 
 JOB = Job(0, 0, lambda number: None)
 
@@ -45,11 +45,10 @@ def test_a_flipped_bit_costs_the_chunk_that_holds_it_and_is_counted(bag, tmp_pat
 
 
 @pytest.mark.ros
-@pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning")
 @pytest.mark.parametrize("name", ["run_kill", "run_lack"])
 def test_a_recorder_that_dies_or_cannot_write_leaves_a_bag_that_can_be_read(name: str):
     pytest.importorskip("rclpy", reason="needs ROS 2")
-    from irsbot_supervisor.campaign import recorder_death
+    from irsbot_supervisor.validation.with_nodes import recorder_death
 
     row = getattr(recorder_death, name)(Job(2, 13, lambda number: None))
     assert row.ok, row.note

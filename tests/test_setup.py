@@ -10,6 +10,7 @@ import subprocess
 import sys
 import textwrap
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -181,7 +182,7 @@ def test_an_unreachable_index_is_a_missing_network(irsbot, tools, copy):
     assert str(copy / "runs" / "setup.log") in result.stderr
 
 
-def test_too_little_room_is_said_with_both_numbers(modules, monkeypatch, tmp_path):
+def test_too_little_disk_space_is_refused_with_both_numbers(modules, monkeypatch, tmp_path):
     monkeypatch.setattr(shutil, "disk_usage", lambda directory: SimpleNamespace(free=1.2e9))
     with pytest.raises(modules.problems.ProblemError, match=r"1\.2 GB are free and 2\.5 GB are needed"):
         modules.problems.need_space(tmp_path)
@@ -197,7 +198,7 @@ def test_too_little_room_is_said_with_both_numbers(modules, monkeypatch, tmp_pat
         ("OSError: [Errno 13] Permission denied: '/usr/lib'", "writable"),
     ],
 )
-def test_a_failed_step_is_explained_by_what_it_wrote(modules, copy, output, words):
+def test_a_failed_step_is_explained_by_its_output(modules, copy, output, words):
     def work(place: object, progress: SimpleNamespace, before: str) -> None:
         progress.run(["bash", "-c", f"echo {output!r}; exit 1"], cwd=copy, env=os.environ)
 
@@ -213,7 +214,7 @@ def test_a_failed_step_is_explained_by_what_it_wrote(modules, copy, output, word
 # What is done again, and what is not
 
 
-def test_what_is_up_to_date_runs_at_once_without_compiler_or_network(modules, irsbot, copy):
+def test_an_up_to_date_set_up_needs_no_compiler_and_no_network(modules, irsbot, copy):
     set_up(modules, copy)
     show = "import os; print(os.environ['PYTHONPATH'], os.environ['AMENT_PREFIX_PATH'], os.environ['ROS_DISTRO'])"
     foreign = {"ROS_DISTRO": "humble", "AMENT_PREFIX_PATH": "/opt/ros/humble", "PYTHONPATH": "/opt/ros/humble/python"}
@@ -295,9 +296,9 @@ def test_an_interrupted_set_up_leaves_nothing_that_is_trusted(sourced, copy, too
         build = int(begun.read_text())  # waits until the build runs
         process.send_signal(number)
         assert process.stderr
-        said = process.stderr.read()
+        stated = process.stderr.read()
     assert process.returncode == code
-    assert said.splitlines()[-1] == "irsbot: interrupted, the same command resumes"
+    assert stated.splitlines()[-1] == "irsbot: interrupted, the same command resumes"
     with pytest.raises(ProcessLookupError):
         os.kill(build, 0)
     assert half_made.exists()
@@ -328,10 +329,10 @@ def test_a_second_set_up_waits_for_the_first_and_finds_its_work_done(sourced, co
 def test_every_check_runs_and_one_failure_fails_the_whole(modules, tmp_path, capfd):
     commands = [("first", ["bash", "-c", "echo one; exit 3"]), ("second", ["bash", "-c", "echo two"])]
     assert modules.checks.run_checks(commands, tmp_path, os.environ) == 1
-    said = capfd.readouterr().out
-    assert "one" in said
-    assert "two" in said
-    assert "FAILED (exit code 3)" in said.split("== summary")[1]
+    stated = capfd.readouterr().out
+    assert "one" in stated
+    assert "two" in stated
+    assert "FAILED (exit code 3)" in stated.split("== summary")[1]
     assert modules.checks.run_checks(commands[1:], tmp_path, os.environ) == 0
 
 
@@ -340,3 +341,61 @@ def test_arguments_of_the_test_command_go_to_pytest_alone(modules):
     [(name, command)] = modules.checks.checks("python", ["-k", "margin"])
     assert name == "pytest"
     assert command[-2:] == ["-k", "margin"]
+
+
+def test_all_tests_are_spread_over_the_cores_and_a_file_stays_in_one_process(modules):
+    _name, command = modules.checks.checks("python", [])[-1]
+    workers = int(next(word for word in command if word.startswith("--numprocesses=")).partition("=")[2])
+    assert 1 <= workers <= len(os.sched_getaffinity(0))
+    assert "--dist=loadfile" in command
+
+
+INTERRUPTED = """
+import os, signal, sys
+from pathlib import Path
+sys.path.insert(0, sys.argv[1])
+import checks
+
+def interrupt(number, frame):
+    raise KeyboardInterrupt(number)
+
+signal.signal(signal.SIGTERM, interrupt)
+signal.signal(signal.SIGINT, signal.SIG_DFL)  # a background job of a shell ignores it
+tidy = "trap 'echo tidied; exit 7' INT; echo begun; while true; do sleep 0.1; done"
+checks.run_checks([("tests", ["bash", "-c", tidy])], Path("."), os.environ)
+"""
+
+
+def test_a_check_that_is_interrupted_ends_in_order_before_the_command_does(copy):
+    command = [sys.executable, "-c", INTERRUPTED, str(copy / "setup")]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdout=pipe, stderr=subprocess.DEVNULL, text=True) as process:
+        assert process.stdout
+        assert "begun\n" in iter(process.stdout.readline, "")
+        process.terminate()
+        assert process.stdout.read() == "tidied\n"
+    assert process.returncode != 0
+
+
+INTERRUPTED_AT_START = """
+popen = checks.subprocess.Popen
+def start(*given, **named):
+    process = popen(*given, **named)
+    os.kill(os.getpid(), signal.SIGTERM)  # before anybody holds the process
+    return process
+checks.subprocess.Popen = start
+"""
+
+
+def test_a_check_that_is_interrupted_while_it_starts_ends_too(copy):
+    preparation, call = INTERRUPTED.split("tidy = ")
+    script = f"{preparation}{INTERRUPTED_AT_START}tidy = {call}"
+    command = [sys.executable, "-c", script, str(copy / "setup")]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdout=pipe, stderr=subprocess.DEVNULL, start_new_session=True) as process:
+        try:
+            process.communicate(timeout=60.0)  # until the check has closed its output, too
+        finally:
+            with suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+    assert process.returncode != 0

@@ -13,6 +13,7 @@ from typing import Any
 
 import psutil
 import pytest
+from command import IRSBOT, PATIENCE_S
 
 pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
@@ -21,21 +22,12 @@ from rcl_interfaces.srv import ListParameters
 
 from irsbot_supervisor.cli.app import main
 from irsbot_supervisor.cli.runs import _parameters
+from irsbot_supervisor.configuration.ros_parameter_file import OF_EVERY_NODE, QOS_OVERRIDES, read_parameters
 from irsbot_supervisor.nodes.suite import wanted
-from irsbot_supervisor.parameter_file import OF_EVERY_NODE, QOS_OVERRIDES, read_parameters
-from irsbot_supervisor.suite import JOINTS, KINEMATICS, RECORDER, SUPERVISOR, TOGETHER, free_domain
-from irsbot_supervisor.watch import Watch
+from irsbot_supervisor.processes.listener import Watch
+from irsbot_supervisor.processes.suite import JOINTS, KINEMATICS, RECORDER, SUPERVISOR, TOGETHER, free_domain
 
-pytestmark = [
-    pytest.mark.ros,
-    pytest.mark.slow,
-    # rclpy reads .idl files with a version of lark that still imports this module
-    pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning"),
-]
-
-IRSBOT = [sys.executable, "-m", "irsbot_supervisor"]
-PATIENCE_S = 120.0
-"""s a test waits for an event on a busy machine."""
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
 
 class Up:
@@ -166,7 +158,7 @@ def test_a_file_of_parameters_that_no_node_knows_is_refused(
         (["--robot", "nonsense"], "nonsense"),
     ],
 )
-def test_what_no_node_could_start_with_is_refused(
+def test_parameters_with_which_no_node_could_start_are_refused(
     tmp_path: Path,
     options: list[str],
     words: str,
@@ -185,9 +177,9 @@ def test_a_folder_with_a_bag_is_refused(
         with pytest.raises(SystemExit) as ended:
             main()
         assert ended.value.code == 2
-        said = capsys.readouterr()
-        assert said.err == f"irsbot: '{tmp_path}/bag' exists already: a run needs a folder without a bag\n"
-        assert not said.out
+        stated = capsys.readouterr()
+        assert stated.err == f"irsbot: '{tmp_path}/bag' exists already: a run needs a folder without a bag\n"
+        assert not stated.out
 
 
 def refusal(
@@ -198,10 +190,10 @@ def refusal(
     with pytest.raises(SystemExit) as ended:
         main()
     assert ended.value.code == 2
-    said = capsys.readouterr().err
-    assert said.count("\n") == 1
+    stated = capsys.readouterr().err
+    assert stated.count("\n") == 1
     assert not (folder / "run").exists()
-    return said
+    return stated
 
 
 def test_a_file_of_parameters_may_be_for_several_robots_and_reaches_its_own(tmp_path: Path) -> None:
@@ -218,9 +210,14 @@ def test_a_file_of_parameters_may_be_for_several_robots_and_reaches_its_own(tmp_
     }
 
 
+def started_nodes() -> dict[str, list[str]]:
+    """The nodes that `up` starts without --web, and their parameters."""
+    return {node: known for node, known in _parameters("").items() if node != "/live_page"}
+
+
 def test_the_parameters_that_up_knows_are_those_of_the_nodes(tmp_path: Path) -> None:
     with running(tmp_path / "run") as up:
-        for node, known in _parameters("").items():
+        for node, known in started_nodes().items():
             found = up.ask(ListParameters, f"{node}/list_parameters", ListParameters.Request()).result.names
             ours = {name for name in found if not name.startswith(QOS_OVERRIDES)} - set(OF_EVERY_NODE)
             assert ours == set(known), node
@@ -230,15 +227,13 @@ def test_in_one_process_the_suite_is_the_same(tmp_path: Path) -> None:
     with running(tmp_path / "run", "--single-process") as up:
         (child,) = psutil.Process(up.process.pid).children()
         assert TOGETHER in child.cmdline()
-        for node, known in _parameters("").items():
+        for node, known in started_nodes().items():
             found = up.ask(ListParameters, f"{node}/list_parameters", ListParameters.Request()).result.names
             assert {name for name in found if not name.startswith(QOS_OVERRIDES)} - set(OF_EVERY_NODE) == set(known)
-        joints = [q for k in range(10_000) for q in (2.5 + 1e-5 * k, 0.2)]
-        client = up.client(EvaluateJoints, "kinematics/evaluate")
-        answer, before = client.call_async(EvaluateJoints.Request(joints=joints)), len(up.levels)
-        up.until(answer.done)
-        assert len(answer.result().states) > 0
-        assert len(up.levels) - before > 10  # it goes on beside the kinematics
+        postures = EvaluateJoints.Request(joints=[q for k in range(1000) for q in (2.5 + 1e-5 * k, 0.2)])
+        before = len(up.levels)
+        while len(up.levels) - before <= 10:  # the supervisor goes on beside the kinematics
+            assert len(up.ask(EvaluateJoints, "kinematics/evaluate", postures).states) == 1000
         up.process.send_signal(signal.SIGINT)
         _out, printed = up.process.communicate(timeout=PATIENCE_S)
         assert (up.process.returncode, printed) == (0, "")

@@ -3,8 +3,8 @@
 import math
 
 import irsbot_kinematics as irs
-from irsbot_kinematics.arithmetic import FLOATS
-from irsbot_kinematics.forces import Load, admissible, force_workspace, pressure, reaction_map
+from irsbot_kinematics.analysis.force_workspace import Load, admissible, force_workspace, pressure, reaction_map
+from irsbot_kinematics.numerics.arithmetic import FLOATS
 
 robot = irs.make_robot("rrr3")
 mechanism, mode = robot.mechanism, robot.mechanism.usual_working_mode

@@ -7,7 +7,7 @@ from time import perf_counter
 
 from irsbot_kinematics import algebra
 
-# As printed: plotting time (s), degrees, terms, bits. Corrections of docs/sources.md are marked with *.
+# As printed: plotting time (s), degrees, terms, bits. Corrections of docs/explanation/sources.md are marked with *.
 PRINTED = {
     ("orthoglide", "parallel", "pose"): (7.650, "18[10,10,10]", 97, 15),
     ("hybridglide", "parallel", "pose"): (23.536, "20[16,8,12]", 119, 17),

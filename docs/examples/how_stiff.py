@@ -17,7 +17,7 @@ load = stiffness.Load(payload_kg=1.5, acceleration_m_s2=60.0)
 slack = float(stiffness.pose_errors(design, [pose], load).slack_m[0])
 robot = irs.Robot(design.mechanism)
 at = robot.posture(robot.inverse(pose))
-bent = design.mechanism.guarantee(at, (0.0, 0.0), slack)
+bent = design.mechanism.certified_bounds(at, (0.0, 0.0), slack)
 print(f"slack {1e3 * slack:.2f} mm: Type 2 margin {at.type2:.4f} rigid, at least {bent.type2:.4f} bent")
 assert 0.0 < bent.type2 < at.type2
 

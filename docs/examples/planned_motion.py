@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from irsbot_supervisor.core.cartesian import certify_poses
-from irsbot_supervisor.core.certify import certify
-from irsbot_supervisor.settings_file import read_settings
+from irsbot_supervisor.configuration.loading import read_settings
+from irsbot_supervisor.trajectory.task_space import certify_poses
+from irsbot_supervisor.trajectory.verification import certify
 
 settings, robot = read_settings("irsbot2")
 times = [0.0, 1.0]  # s

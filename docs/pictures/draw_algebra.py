@@ -1,4 +1,4 @@
-"""Draws the pictures of docs/algebra.md from the library itself.
+"""Draws the pictures of docs/explanation/algebra.md from the library itself.
 
 ./irsbot python docs/pictures/draw_algebra.py            # writes docs/pictures/algebra_*.png
 """
@@ -10,8 +10,8 @@ from pathlib import Path
 from PIL import Image
 
 from irsbot_kinematics import algebra
-from irsbot_supervisor.pictures.algebra import draw_cells, draw_configurations, draw_path, draw_side_by_side
-from irsbot_supervisor.pictures.algebra3d import draw_surfaces
+from irsbot_supervisor.plots.algebra import draw_cells, draw_configurations, draw_path, draw_side_by_side
+from irsbot_supervisor.plots.algebra3d import draw_surfaces
 
 HERE = Path(__file__).parent
 

@@ -1,4 +1,6 @@
-"""Draws every mechanism for docs/mechanisms.md: a good posture, and one in which the motors do not hold the platform.
+"""Draws every mechanism for docs/reference/mechanisms.md.
+
+In a good posture, and in one in which the motors do not hold the platform.
 
     ./irsbot python docs/pictures/draw_mechanisms.py            # writes docs/pictures/<mechanism>.png
 
@@ -20,7 +22,7 @@ from matplotlib import pyplot
 from PIL import Image
 
 import irsbot_kinematics as irs
-from irsbot_kinematics.arithmetic import FLOATS
+from irsbot_kinematics.numerics.arithmetic import FLOATS
 
 HERE = Path(__file__).parent
 BASE, ACTUATED, ROD, PLATFORM, RED = "#444444", "#1f5fa8", "#808080", "#2a8c4a", "#c0392b"

@@ -20,7 +20,7 @@ from PIL import Image
 
 from irsbot_kinematics import Robot, stiffness
 from irsbot_kinematics.stiffness.comparison import POSES, sideways
-from irsbot_supervisor.pictures.stiffness import deflection_panel
+from irsbot_supervisor.plots.stiffness import deflection_panel
 
 TARGET = Path(__file__).parent / "stiffness.png"
 MOST_BYTES = 60_000

@@ -23,9 +23,9 @@ sys.path[:0] = [str(PACKAGE), str(PACKAGE / "test/oracles")]
 
 import irsbot2_3d as space  # noqa: E402
 
-from irsbot_kinematics.design import Designs, answers, counts, singular_postures  # noqa: E402
+from irsbot_kinematics.design import Designs, counts, evaluate_questions, singular_postures  # noqa: E402
 from irsbot_kinematics.design.proximal import holds  # noqa: E402
-from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2Geometry  # noqa: E402
+from irsbot_kinematics.mechanisms.irsbot2_space.geometry import Irsbot2Geometry  # noqa: E402
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -201,7 +201,7 @@ def compare_zones(d: Designs, found: Scan) -> tuple[int, int, int]:
     """
     q = np.arange(JOINT_STEPS) * (2.0 * np.pi / JOINT_STEPS)
     arm = np.exp(-1j * q)
-    exact = answers(d)
+    exact = evaluate_questions(d)
     robots = _robots(d)
     needed = _elbows_apart(_of(robots, found.owner), found.psi)
     total = wrong = unresolved = 0
@@ -221,10 +221,10 @@ def compare_zones(d: Designs, found: Scan) -> tuple[int, int, int]:
             "equal": distance.min() > error,
             "constraint": min(misses, default=np.inf) > error,
         }
-        said = {name: bool(holds(name, exact[name])[index]) for name in ("assembled", "opposite", "equal")}
-        slack = {name: abs(exact[name].slack[index]) for name in said}
-        said["constraint"], slack["constraint"] = held, close
-        for name, answer in said.items():
+        stated = {name: bool(holds(name, exact[name])[index]) for name in ("assembled", "opposite", "equal")}
+        slack = {name: abs(exact[name].slack[index]) for name in stated}
+        stated["constraint"], slack["constraint"] = held, close
+        for name, answer in stated.items():
             total += 1
             if 2.0 * slack[name] <= error:
                 unresolved += 1

@@ -39,8 +39,9 @@ import wrong_geometry as wrong  # noqa: E402
 from postures import joint_range  # noqa: E402
 
 import irsbot_kinematics as irs  # noqa: E402
-from irsbot_kinematics.arithmetic import ARRAYS  # noqa: E402
-from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2, Irsbot2Geometry  # noqa: E402
+from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2  # noqa: E402
+from irsbot_kinematics.mechanisms.irsbot2_space.geometry import Irsbot2Geometry  # noqa: E402
+from irsbot_kinematics.numerics.arithmetic import ARRAYS  # noqa: E402
 
 Array = NDArray[np.float64]
 Tick = Callable[[int], None]
@@ -120,11 +121,11 @@ def _round_trip(robot: irs.Robot, x: Array, z: Array, result: Result) -> int:
     far = [np.hypot(x + sign * d.b0, z + d.e) for sign in space.SIGMA]
     reach = np.min([np.minimum(d.l1 + d.l2eq - r, r - abs(d.l1 - d.l2eq)) for r in far], axis=0)
     for mode in robot.mechanism.working_modes:
-        q, status, said = robot.inverse_many(np.stack([x, z], axis=1), mode)
+        q, status, stated = robot.inverse_many(np.stack([x, z], axis=1), mode)
         expected = np.where(reach >= 0.0, irs.Status.SOLVED, irs.Status.UNREACHABLE)
         clear = np.abs(reach) > 1e-8  # the library accepts a nanometre outside
         on = status == irs.Status.SOLVED
-        result.count(int(on.sum()), np.abs(said - reach), clear & (status != expected))
+        result.count(int(on.sum()), np.abs(stated - reach), clear & (status != expected))
         _there_and_back(robot, d, q[on], np.stack([x, z], axis=1)[on], reach[on], mode, result)
     return int(np.sum(reach > 0.0))
 
@@ -216,7 +217,7 @@ def guarantees(designs: int, postures: int, samples: int, seed: int, tick: Tick)
                 at = robot.mechanism.posture(tuple(centre.tolist()), assembly)
                 travel = 10.0 ** rng.uniform(-5.0, -0.5) * rng.uniform(0.0, 1.0, 2)
                 points = centre + travel * _corners_and_inner(rng, samples, 2)
-                for promise in (robot.mechanism.guarantee, robot.mechanism.guarantee_sharp):
+                for promise in (robot.mechanism.certified_bounds, robot.mechanism.sharp_bounds):
                     bound = promise(at, travel.tolist())
                     if bound.type2 > 0.0:
                         result.boxes += 1
@@ -231,7 +232,7 @@ def _corners_and_inner(rng: np.random.Generator, samples: int, size: int) -> Arr
     return np.where(rng.uniform(size=inner.shape) < 0.5, np.sign(inner), inner)
 
 
-def _broken(d: space.Design, q: Array, assembly: int, bound: irs.Guarantee) -> NDArray[np.bool_]:
+def _broken(d: space.Design, q: Array, assembly: int, bound: irs.CertifiedBounds) -> NDArray[np.bool_]:
     with np.errstate(invalid="ignore"):
         psi1, psi2, *_ = space.posture(d, q[:, 0], q[:, 1], assembly)
     found = [np.abs(np.sin(q[:, 0] - psi1)), np.abs(np.sin(q[:, 1] - psi2)), np.abs(np.sin(psi1 - psi2))]
@@ -257,7 +258,7 @@ def geometry(machines: int, postures: int, seed: int, tick: Tick) -> Result:
                 continue
             slack = robot.mechanism.length_m * 10.0 ** rng.uniform(-6.0, -2.3)
             travel = rng.integers(0, 2) * wrong.random_travel(robot, at, rng)
-            bound = robot.mechanism.guarantee(at, travel.tolist(), slack)
+            bound = robot.mechanism.certified_bounds(at, travel.tolist(), slack)
             if bound.type2 > 0.0:
                 result.boxes += 1
                 met = wrong.margins(robot, at, *wrong.attacks(robot, at, travel, slack, rng))
@@ -286,7 +287,7 @@ def sharp(machines: int, postures: int, seed: int, tick: Tick) -> Result:
             travel = (upper - lower) * 10.0 ** rng.uniform(-5.0, -1.0) * rng.uniform(0.0, 1.0, len(lower))
             travel = np.minimum(travel, np.minimum(np.array(at.joints) - lower, upper - np.array(at.joints)))
             slack = turn % 2 * robot.mechanism.length_m * 10.0 ** rng.uniform(-6.0, -2.3)
-            bound = robot.mechanism.guarantee_sharp(at, travel.tolist(), slack)
+            bound = robot.mechanism.sharp_bounds(at, travel.tolist(), slack)
             if bound.type2 > LEAST_TYPE2:
                 result.boxes += 1
                 below = wrong.columns(bound)[0] - _searched(robot, at, travel, slack, rng)
@@ -337,7 +338,7 @@ def clearances(designs: int, postures: int, points: int, seed: int, tick: Tick) 
         places = {mode: [np.empty((0, 2))] for mode in robot.mechanism.working_modes}
         for curve in curves:
             legs = robot.mechanism.legs(ARRAYS, tuple(curve.q.T), (curve.x, curve.z))
-            signs = np.sign(np.array(legs.sines)).T.astype(int)
+            signs = np.sign(np.array(legs.normalised_levers)).T.astype(int)
             for mode, found in places.items():
                 found.append(np.stack([curve.x, curve.z], axis=1)[(signs == mode).all(axis=1)])
         for point in loci.constraint_points(d):
@@ -373,7 +374,7 @@ def run(quick: bool, seed: int, progress: Progress | None = None, only: str | No
 
         def tick(done: int, task: object = task) -> None:
             if progress and task is not None:
-                progress.advance(task, done)  # type: ignore[arg-type]
+                progress.advance(task, done)
 
         results.append(part(tick))
     return results

@@ -13,20 +13,20 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 import irsbot_kinematics as irs
-from irsbot_kinematics.arithmetic import Array
-from irsbot_kinematics.maps import loci, reachable_box, workspace_map
+from irsbot_kinematics.analysis.workspace_maps import reachable_box, workspace_map
 from irsbot_kinematics.mechanism import Signs
 from irsbot_kinematics.mechanisms.planar_pair import PlanarPair
+from irsbot_kinematics.numerics.arithmetic import Array
 
 CURVE_STEP_M = 0.012
 """m: half the largest distance of two published points of a locus (half a degree of a circle of 1.2 m)."""
 
 
-def contradictions(mechanism: PlanarPair, mode: Signs, nodes: int) -> tuple[int, int, float]:
+def infeasibilities(mechanism: PlanarPair, mode: Signs, nodes: int) -> tuple[int, int, float]:
     """Sign changes of det A between neighbours, how many are away from a locus, and the largest distance, m."""
     found = workspace_map(mechanism, mode, reachable_box(mechanism), (nodes, nodes))
     step = float(np.hypot(found.first[1] - found.first[0], found.second[1] - found.second[0]))
-    curves = np.concatenate([curve.points for curve in loci(mechanism, mode) if curve.kind == "type2"])
+    curves = np.concatenate([curve.points for curve in mechanism.loci(mode) if curve.kind == "type2"])
     curves = curves[np.isfinite(curves).all(axis=1)]
     sign = found.assembly
     changes = [np.nonzero(sign[:, :-1] * sign[:, 1:] < 0.0), np.nonzero(sign[:-1] * sign[1:] < 0.0)]
@@ -51,7 +51,7 @@ def main() -> int:
         if not isinstance(mechanism, PlanarPair):
             parser.error(f"{name} is no planar pair")
         for mode in mechanism.working_modes:
-            changes, bad, worst = contradictions(mechanism, mode, given.nodes)
+            changes, bad, worst = infeasibilities(mechanism, mode, given.nodes)
             wrong += bad
             print(f"{name} {mode}: {changes} sign changes, {bad} away from a locus, farthest {worst:.5f} m", flush=True)
     return 1 if wrong else 0

@@ -11,12 +11,21 @@ from dataclasses import dataclass
 from math import cos, inf, pi, sin, sqrt
 from typing import ClassVar
 
-import irsbot_kinematics as irs
-from irsbot_kinematics.arithmetic import Arithmetic, N
-from irsbot_kinematics.boxes import Rod
-from irsbot_kinematics.guarantees import EXACT, Errors
-from irsbot_kinematics.mechanism import Coordinate, Floats, Legs, Posture, Signs
-from irsbot_kinematics.mechanisms.turning_platform import Travel, TurningPlatform
+from irsbot_kinematics.own_mechanism import (
+    EXACT,
+    Arithmetic,
+    Coordinate,
+    Errors,
+    Floats,
+    InvalidGeometry,
+    Legs,
+    N,
+    Posture,
+    Rod,
+    Signs,
+    Travel,
+    TurningPlatform,
+)
 
 TINY = 1e-200  # m: keeps a quotient defined where two centres coincide; the gaps then say so
 
@@ -40,7 +49,7 @@ class Prr3Geometry:
     def __post_init__(self) -> None:
         for name in ("l1", "l2", "l3", "b"):
             if not getattr(self, name) > 0.0:
-                raise irs.InvalidGeometry(f"{name} > 0 is broken: {name} = {getattr(self, name)}")
+                raise InvalidGeometry(f"{name} > 0 is broken: {name} = {getattr(self, name)}")
 
 
 class Prr3(TurningPlatform):
@@ -58,7 +67,7 @@ class Prr3(TurningPlatform):
         self.origins = (g.o1, g.o2, g.o3)
         self.ways = tuple((cos(a), sin(a)) for a in (g.a1, g.a2, g.a3))
         self.rods = (g.l1, g.l2, g.l3)
-        self.radius = self.span = self.length_m = g.b
+        self.radius = self.diameter = self.length_m = g.b
         self.joints = tuple(Coordinate(f"carriage_{i}", "m", *g.travel) for i in (1, 2, 3))
         self.task = (
             Coordinate("x", "m", -inf, inf),
@@ -79,8 +88,8 @@ class Prr3(TurningPlatform):
         joints, reach = [], []
         for (bx, by), (ox, oy), (ux, uy), l, w in zip(ends, self.origins, self.ways, self.rods, mode, strict=True):
             dx, dy = bx - ox, by - oy
-            h = k.size(ux * dy - uy * dx)
-            joints.append(dx * ux + dy * uy + w * k.root((l - h) * (l + h)))
+            h = k.abs(ux * dy - uy * dx)
+            joints.append(dx * ux + dy * uy + w * k.safe_sqrt((l - h) * (l + h)))
             reach.append(l - h)
         return tuple(joints), tuple(reach)
 
@@ -91,7 +100,7 @@ class Prr3(TurningPlatform):
         c1, c2, c3 = self._carriages(joints)
         (x, y), slack, apart = _meet(k, c1, l1, c2, l2, 1 if assembly > 0 else -1)
         (bx, by), slack_b, apart_b = _meet(k, (x, y), b, c3, l3, 1 if abs(assembly) == 1 else -1)
-        return (x, y, k.atan2(by - y, bx - x)), (k.least(slack, slack_b), k.least(apart, apart_b))
+        return (x, y, k.atan2(by - y, bx - x)), (k.minimum(slack, slack_b), k.minimum(apart, apart_b))
 
     def _carriages(self, joints: Sequence[N]) -> list[tuple[N, N]]:
         rails = zip(joints, self.origins, self.ways, strict=True)
@@ -102,18 +111,20 @@ class Prr3(TurningPlatform):
         x, y, phi = pose
         b = self.geometry.b
         zero = 0.0 * x
-        arms = ((zero, zero), (zero, zero), (b * k.cos(phi), b * k.sin(phi)))
-        screws, sines, reach, closure = [], [], [], []
-        for (ax, ay), (cx, cy), (ux, uy), l in zip(arms, self._carriages(joints), self.ways, self.rods, strict=True):
+        attachments = ((zero, zero), (zero, zero), (b * k.cos(phi), b * k.sin(phi)))
+        screws, normalised_levers, reach, closure = [], [], [], []
+        for (ax, ay), (cx, cy), (ux, uy), l in zip(
+            attachments, self._carriages(joints), self.ways, self.rods, strict=True
+        ):
             rx, ry = x + ax - cx, y + ay - cy
             size = k.hypot(rx, ry)
             rx, ry = rx / size, ry / size
             screws.append((rx, ry, ax * ry - ay * rx))
-            sines.append(-(rx * ux + ry * uy))
-            reach.append(l - l * k.size(ux * ry - uy * rx))
+            normalised_levers.append(-(rx * ux + ry * uy))
+            reach.append(l - l * k.abs(ux * ry - uy * rx))
             closure.append(size - l)
-        legs = Legs(tuple(screws), tuple(sines), tuple(sines), tuple(reach), tuple(closure))
-        legs.arms = arms
+        legs = Legs(tuple(screws), tuple(normalised_levers), tuple(normalised_levers), tuple(reach), tuple(closure))
+        legs.attachments = attachments
         return legs
 
     # --- one sample ------------------------------------------------------------------------------------------------
@@ -123,7 +134,7 @@ class Prr3(TurningPlatform):
         vx, vy, w = pose_rates
         found = []
         for rate, (rx, ry, _), (ax, ay), (ux, uy), l in zip(
-            joint_rates, at.screws, at.arms, self.ways, self.rods, strict=True
+            joint_rates, at.screws, at.attachments, self.ways, self.rods, strict=True
         ):
             across = rx * (vy + w * ax - rate * uy) - ry * (vx - w * ay - rate * ux)
             found.append(across * across / l - w * w * (ax * rx + ay * ry))
@@ -171,8 +182,8 @@ def _meet(
     d = k.hypot(dx, dy)
     ux, uy = dx / (d + TINY), dy / (d + TINY)
     along = 0.5 * ((ra - rb) * (ra + rb) / (d + TINY) + d)
-    across = side * k.root((ra - along) * (ra + along))
-    overlap = k.least(ra + rb - d, d - abs(ra - rb)) if ra != rb else ra + rb - d
+    across = side * k.safe_sqrt((ra - along) * (ra + along))
+    overlap = k.minimum(ra + rb - d, d - abs(ra - rb)) if ra != rb else ra + rb - d
     return (a[0] + along * ux - across * uy, a[1] + along * uy + across * ux), overlap, d
 
 

@@ -1,12 +1,12 @@
-from setuptools import setup
+from setuptools import find_packages, setup
 
 package = "irsbot_msgs_py"
 
 setup(
     name=package,
     version="0.1.0",
-    packages=[package],
-    package_data={package: ["py.typed", "*.xml"]},
+    packages=find_packages(exclude=["test"]),
+    package_data={package: ["py.typed", "process/*.xml"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{package}"]),
         (f"share/{package}", ["package.xml"]),

@@ -8,12 +8,13 @@ setup(
     name=package,
     version="0.1.0",
     packages=find_packages(exclude=["test"]),
-    package_data={package: ["py.typed", "settings/*.yaml", "scenarios/*.yaml"]},
+    package_data={package: ["py.typed", "settings/*.yaml", "scenarios/*.yaml", "report/page/*", "fleet/*.j2"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{package}"]),
         (f"share/{package}", ["package.xml"]),
         (f"share/{package}/launch", glob("launch/*.launch.py")),
         (f"share/{package}/policies", glob("policies/*.policy.xml")),
+        (f"share/{package}/layouts", glob("layouts/*")),
     ],
     install_requires=[
         "setuptools",
@@ -22,10 +23,13 @@ setup(
         "pyyaml",
         "typer",
         "rich",
+        "jinja2",
         "matplotlib",
         "mcap",
         "plotly",
         "polars",
+        "distributed",
+        "websockets",
     ],
     extras_require={"test": ["pytest"]},  # by which `colcon test` knows what to run
     zip_safe=False,

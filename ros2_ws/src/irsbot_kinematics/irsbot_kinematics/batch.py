@@ -10,18 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from irsbot_kinematics import statics
-from irsbot_kinematics.arithmetic import ARRAYS, Array
-from irsbot_kinematics.mechanism import Legs, Mechanism, Signs, Status
-from irsbot_kinematics.tolerances import (
+from irsbot_kinematics.mechanism import Legs, Mechanism, Posture, Signs, Status
+from irsbot_kinematics.numerics.arithmetic import ARRAYS, Array
+from irsbot_kinematics.numerics.tolerances import (
     ASSEMBLY_TOL_M,
     CLOSURE_TOL_M,
     COINCIDENT_TOL_M,
+    FARTHEST,
     REACH_TOL_M,
     SIGN_DEAD_BAND,
 )
 
 CHUNK = 16384
-"""Samples worked on together: the intermediate columns of a chunk fit into the cache."""
+"""Number of samples that are processed together: the intermediate columns of a chunk fit into the cache."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ class Evaluations:
     status: (N,) values of `Status`.
     joint_position: (N, n) rad or m.
     pose: (N, m) m or rad.
-    assembly_mode: label for which the joints were solved.
+    assembly_mode: label for which the joints were solved; 0 for a motion that was followed.
     working_mode: (N, n) signs.
     type1_margin: (N, n) 0..1.
     type2_margin: (N,) 0..1.
@@ -62,9 +63,48 @@ class Evaluations:
 def evaluate_many(
     mechanism: Mechanism, joints: Array, assembly: int, load: tuple[float, float] | None = None
 ) -> Evaluations:
-    """Poses and margins of joints (N, n) in one assembly mode. load: force, N, and moment, N m, of any direction."""
+    """Poses and margins of joints (N, n) in one assembly mode. load: largest force, N, and moment, N m, of any
+    direction."""
+    result = _blank(mechanism, joints, assembly, load)
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        for rows in _chunks(len(joints)):
+            _evaluate(_solve(mechanism, joints[rows], assembly), result, rows, load)
+    return result
+
+
+def evaluate_motion(
+    mechanism: Mechanism, joints: Array, first: Posture | None, load: tuple[float, float] | None = None
+) -> Evaluations:
+    """Poses and margins of joints (N, n), followed one after the other on the branch of the first posture.
+
+    If a sample has no pose, the branch is lost: this sample and all later ones are not SOLVED. `first` may be None if
+    there are no samples.
+    """
+    result = _blank(mechanism, joints, 0, load)
+    at, followed = first, []
+    for q in joints.tolist() if first is not None else ():
+        assert at is not None
+        if at.status == Status.SOLVED:
+            at = mechanism.track(tuple(q), at)
+        followed.append((at.status, at.pose if at.status == Status.SOLVED else (np.nan,) * len(mechanism.task)))
+    if not followed:
+        return result
+    status = np.array([status for status, _ in followed], np.uint8)
+    pose = np.array([pose for _, pose in followed], dtype=float)
+    q_solved = np.where((status == Status.SOLVED)[:, np.newaxis], joints, np.nan)
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+        for rows in _chunks(len(joints)):
+            x = tuple(np.ascontiguousarray(column) for column in pose[rows].T)
+            legs = mechanism.legs(ARRAYS, tuple(np.ascontiguousarray(column) for column in q_solved[rows].T), x)
+            found = _Solved(status[rows], x, legs, _residual(legs), np.full(len(x[0]), np.nan))
+            _evaluate(found, result, rows, load)
+    return result
+
+
+def _blank(mechanism: Mechanism, joints: Array, assembly: int, load: tuple[float, float] | None) -> Evaluations:
+    """Evaluations before any sample is solved."""
     number, n = joints.shape
-    result = Evaluations(
+    return Evaluations(
         status=np.full(number, Status.INVALID, np.uint8),
         joint_position=joints,
         pose=np.full((number, len(mechanism.task)), np.nan),
@@ -79,23 +119,11 @@ def evaluate_many(
         closure_residual=np.full(number, np.nan),
         reaction_max=np.full((number, n if load else 0), np.nan),
     )
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        for rows in _chunks(number):
-            _evaluate(mechanism, joints[rows], assembly, result, rows, load)
-    return result
 
 
-def _evaluate(
-    mechanism: Mechanism,
-    joints: Array,
-    assembly: int,
-    out: Evaluations,
-    rows: slice,
-    load: tuple[float, float] | None,
-) -> None:
-    found = _solve(mechanism, joints, assembly)
+def _evaluate(found: _Solved, out: Evaluations, rows: slice, load: tuple[float, float] | None) -> None:
     pose, legs = found.pose, found.legs
-    _, cosines = statics.pressure_cosines(ARRAYS, legs.screws, legs.arms)
+    _, cosines = statics.pressure_cosines(ARRAYS, legs.screws, legs.attachments)
     reach = legs.reach[0]
     for other in legs.reach[1:]:
         reach = np.minimum(reach, other)
@@ -106,7 +134,7 @@ def _evaluate(
     out.status[rows] = found.status
     for column, values in enumerate(pose):
         out.pose[rows, column] = values
-    for column, sine in enumerate(legs.sines):
+    for column, sine in enumerate(legs.normalised_levers):
         size = np.abs(sine)
         out.type1_margin[rows, column] = size
         out.working_mode[rows, column] = np.sign(np.where(size > SIGN_DEAD_BAND, sine, 0.0))
@@ -119,13 +147,13 @@ def _evaluate(
     out.reach[rows] = reach
     out.closure_residual[rows] = found.residual
     if load:
-        sizes = statics.reaction_max(ARRAYS, legs.screws, *load, turns=bool(legs.arms))
+        sizes = statics.reaction_max(ARRAYS, legs.screws, *load, turns=bool(legs.attachments))
         for column, size in enumerate(sizes):
             out.reaction_max[rows, column] = size
 
 
 class _Solved(NamedTuple):
-    """Postures of one chunk; all but the status and the gap is NaN where not SOLVED."""
+    """Postures of one chunk; all but status and gap are NaN where not SOLVED."""
 
     status: NDArray[np.uint8]
     pose: tuple[Array, ...]
@@ -135,10 +163,10 @@ class _Solved(NamedTuple):
 
 
 def _solve(mechanism: Mechanism, joints: Array, assembly: int) -> _Solved:
-    """As `Mechanism.posture` decides for one sample."""
+    """Solve many samples with the decisions of `Mechanism.posture`."""
     q = tuple(np.ascontiguousarray(column) for column in joints.T)
     pose, gaps = mechanism.direct(ARRAYS, q, assembly)
-    finite = np.isfinite(q).all(axis=0)
+    finite = (np.abs(q) <= FARTHEST).all(axis=0)
     assembled = gaps[0] >= -ASSEMBLY_TOL_M
     solved = finite & assembled & (gaps[1] > COINCIDENT_TOL_M)
     status = np.where(assembled, Status.SINGULAR, Status.UNREACHABLE).astype(np.uint8)
@@ -148,9 +176,7 @@ def _solve(mechanism: Mechanism, joints: Array, assembly: int) -> _Solved:
             pose = tuple(np.where(solved, column, np.nan) for column in pose)
             q = tuple(np.where(solved, column, np.nan) for column in q)
         legs = mechanism.legs(ARRAYS, q, pose)
-        residual = np.abs(legs.closure[0])
-        for error in legs.closure[1:]:
-            residual = np.maximum(residual, np.abs(error))
+        residual = _residual(legs)
         believed = residual <= CLOSURE_TOL_M
         if (believed | ~solved).all():
             break
@@ -158,6 +184,14 @@ def _solve(mechanism: Mechanism, joints: Array, assembly: int) -> _Solved:
         solved &= believed
     status[solved] = Status.SOLVED
     return _Solved(status, pose, legs, residual, gaps[0])
+
+
+def _residual(legs: Legs[Array]) -> Array:
+    """(N,) m: largest closure error."""
+    residual = np.abs(legs.closure[0])
+    for error in legs.closure[1:]:
+        residual = np.maximum(residual, np.abs(error))
+    return residual
 
 
 def inverse_many(mechanism: Mechanism, poses: Array, mode: Signs) -> tuple[Array, NDArray[np.uint8], Array]:
@@ -173,9 +207,9 @@ def inverse_many(mechanism: Mechanism, poses: Array, mode: Signs) -> tuple[Array
             least = slack[0]
             for other in slack[1:]:
                 least = np.minimum(least, other)
-            solved = least >= -REACH_TOL_M
-            far = np.where(np.isfinite(x).all(axis=0), Status.UNREACHABLE, Status.INVALID)
-            status[rows] = np.where(solved, Status.SOLVED, far)
+            meant = (np.abs(x) <= FARTHEST).all(axis=0)
+            solved = meant & (least >= -REACH_TOL_M)
+            status[rows] = np.where(solved, Status.SOLVED, np.where(meant, Status.UNREACHABLE, Status.INVALID))
             reach[rows] = least
             for column, values in enumerate(q):
                 joints[rows, column] = np.where(solved, values, np.nan)

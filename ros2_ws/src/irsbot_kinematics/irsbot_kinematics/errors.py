@@ -1,4 +1,4 @@
-"""Mistakes of the caller, and poses that do not exist: what the library raises."""
+"""Exceptions of the library: mistakes of the caller, and poses that do not exist."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 
 class KinematicsError(Exception):
-    """Root of everything this package raises on purpose."""
+    """Base of all exceptions that this package raises on purpose."""
 
 
 class InvalidGeometry(KinematicsError, ValueError):
@@ -14,7 +14,7 @@ class InvalidGeometry(KinematicsError, ValueError):
 
 
 class UnknownRobot(KinematicsError, KeyError):
-    """A name that is neither a mechanism, a preset nor a file."""
+    """A name that is not a mechanism, a preset or a file."""
 
     def __init__(self, name: str, known: Iterable[str]) -> None:
         super().__init__(f"no robot '{name}'; known robots are {', '.join(known)}, or give a YAML file")

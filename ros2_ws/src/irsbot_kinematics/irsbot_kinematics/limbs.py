@@ -1,10 +1,10 @@
-"""Limb singularities: when the joints of one limb alone move its end in fewer ways than they should.
+"""Limb singularities: the joints of one limb alone move its end in fewer independent directions than they should.
 
 Two views of a limb. Its joints: unit twists (angular; linear at the origin), for any chain of revolute and prismatic
 joints; the smallest singular value of their matrix is the margin. The limbs of [S3], R U U and P R Pi R: the 6 x 6
 kinematic Jacobian with the motions that the limb prevents added, whose determinant is a superbracket that factors into
 conditions in plain words, and scale-free margins from the factors. Source: [S3] with the corrections listed in
-docs/sources.md; the margins are ours.
+docs/explanation/sources.md; the margins are ours.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from irsbot_kinematics.arithmetic import FLOATS, Arithmetic, Array, N
 from irsbot_kinematics.errors import BadInput
+from irsbot_kinematics.numerics.arithmetic import FLOATS, Arithmetic, Array, N
 
 # --- margins of the two limbs, floats or arrays -----------------------------------------------------------------
 
@@ -28,7 +28,7 @@ def ruu_factors(k: Arithmetic[N], ab: Sequence[N], bc: Sequence[N], z: Sequence[
     f1 = 0: the plane ABC contains z (Type 1 of the leg). f2 = 0: BC is parallel to z.
     """
     hx, hy, hz = _cross(bc, z)
-    return k.size(_dot(ab, (hx, hy, hz))), k.root(hx * hx + hy * hy + hz * hz)
+    return k.abs(_dot(ab, (hx, hy, hz))), k.safe_sqrt(hx * hx + hy * hy + hz * hz)
 
 
 def prpir_factors(k: Arithmetic[N], l: Sequence[N], x: Sequence[float], z: Sequence[float]) -> tuple[N, N]:
@@ -38,14 +38,14 @@ def prpir_factors(k: Arithmetic[N], l: Sequence[N], x: Sequence[float], z: Seque
     l.x = 0: C lies in the plane through A across the slide (Type 1 of the leg). |z x l| = 0: flat parallelogram.
     """
     nx, ny, nz = _cross(l, z)
-    return k.size(_dot(l, x)), k.root(nx * nx + ny * ny + nz * nz)
+    return k.abs(_dot(l, x)), k.safe_sqrt(nx * nx + ny * ny + nz * nz)
 
 
 # --- limbs by their joints ----------------------------------------------------------------------------------------
 
 
 def revolute(axis: ArrayLike, point_m: ArrayLike) -> Array:
-    """Unit twist (6,) of a rotation about the axis (any length) through a point: (s; r x s)."""
+    """Unit twist (6,) of a rotation about an axis (of any length) through a point: (s; r x s)."""
     s = _unit(axis)
     return np.concatenate([s, np.cross(np.asarray(point_m, dtype=float), s)])
 
@@ -183,7 +183,7 @@ def prpir_points(
 
 
 class Condition(NamedTuple):
-    """One way in which a limb can be singular."""
+    """One condition under which a limb is singular."""
 
     words: str
     value: float
@@ -191,7 +191,7 @@ class Condition(NamedTuple):
 
 
 def ruu_conditions(a: ArrayLike, b: ArrayLike, c: ArrayLike, z: ArrayLike) -> tuple[Condition, ...]:
-    """How far an R U U limb (BC normal to m) is from each of its singularities, the nearest first. Points in m."""
+    """Distances of an R U U limb (BC normal to m) to each of its singularities, the nearest first. Points in m."""
     ab, bc, s = _unit(np.subtract(b, a)), _unit(np.subtract(c, b)), _unit(z)
     ac = np.subtract(c, a)
     f1, f2 = ruu_factors(FLOATS, ab.tolist(), bc.tolist(), s.tolist())
@@ -206,7 +206,7 @@ def ruu_conditions(a: ArrayLike, b: ArrayLike, c: ArrayLike, z: ArrayLike) -> tu
 
 
 def prpir_conditions(a: ArrayLike, c: ArrayLike, x: ArrayLike, z: ArrayLike) -> tuple[Condition, ...]:
-    """How far a P R Pi R limb is from each of its singularities, the nearest first. Points in m."""
+    """Distances of a P R Pi R limb to each of its singularities, the nearest first. Points in m."""
     l, slide, s = _unit(np.subtract(c, a)), _unit(x), _unit(z)
     across, flat = prpir_factors(FLOATS, l.tolist(), slide.tolist(), s.tolist())
     conditions = [

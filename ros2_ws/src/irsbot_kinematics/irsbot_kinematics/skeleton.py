@@ -1,4 +1,4 @@
-"""What a robot looks like: links and joints as an open tree, its loops cut, with the positions of the passive joints.
+"""Links and joints of a robot as an open tree, its loops cut, with the positions of the passive joints.
 
 All frames are parallel to the base frame while every joint is at 0, so that a joint is a point and an axis. One leg
 carries the platform; the other legs end at a cut, a point of the leg that coincides with a point of the platform.
@@ -17,7 +17,7 @@ X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 HERE = (0.0, 0.0, 0.0)
 
 BASE, PLATFORM = "base", "platform"
-"""The links that every skeleton has: the root, whose frame is the base frame, and the link whose origin is P."""
+"""Links of every skeleton: the root, whose frame is the base frame, and the link whose origin is P."""
 
 
 @dataclass(frozen=True)
@@ -28,16 +28,16 @@ class Link:
     joint: str
     parent: str
     origin: Vector
-    """m: where the joint is, in the frame of the parent."""
+    """m: position of the joint in the frame of the parent."""
     axis: Vector | None
-    """Unit vector that the link turns about or slides along; None: it is fixed."""
+    """Unit vector of the axis about which the link turns or along which it slides; None: fixed."""
     slides: bool = False
     shape: tuple[Vector, ...] = ()
-    """m: ends of bars that begin at the link's origin."""
+    """m: ends of bars that start at the link's origin."""
 
 
 class Cut(NamedTuple):
-    """Where a loop was cut: a point of a link that coincides with a point of the platform, m."""
+    """A cut of a loop: a point of a link that coincides with a point of the platform, m."""
 
     link: str
     point: Vector
@@ -46,14 +46,14 @@ class Cut(NamedTuple):
 
 @dataclass(frozen=True)
 class Skeleton:
-    """The tree of one robot. Links come after their parents; the base is none of them."""
+    """The tree of one robot. Links come after their parents; the base is not listed."""
 
     links: tuple[Link, ...]
     drives: tuple[str, ...]
-    """Joints that are driven, in robot order."""
+    """Driven joints, in robot order."""
     cuts: tuple[Cut, ...]
     closing: Callable[[Floats, Floats], Mapping[str, float]]
-    """Positions of the passive joints, rad, at joint positions and a pose that belong together."""
+    """Positions of the passive joints, rad, for consistent joint positions and pose."""
     rails: tuple[tuple[Vector, Vector], ...] = ()
     """Bars of the base, m."""
 
@@ -64,7 +64,7 @@ class Skeleton:
 
 
 class Rod(NamedTuple):
-    """A rod that hangs from its parent by a universal joint: it turns about `turn`, then tilts about `down x turn`."""
+    """A rod on a universal joint of its parent: it turns about `turn`, then tilts about `down x turn`."""
 
     name: str
     parent: str
@@ -72,16 +72,16 @@ class Rod(NamedTuple):
     turn: Vector
     """Unit vector: first axis, of the parent."""
     down: Vector
-    """Unit vector normal to `turn`: where the rod points at 0."""
+    """Unit vector normal to `turn`: direction of the rod at 0."""
     length: float
 
     @property
     def tilt(self) -> Vector:
-        """Second axis, of the cross."""
+        """Second axis, of the cross link."""
         return cross(self.down, self.turn)
 
     def links(self) -> Iterator[Link]:
-        """The cross and the rod."""
+        """The cross link and the rod."""
         yield Link(f"{self.name}_cross", f"{self.name}_turn", self.parent, self.origin, self.turn)
         yield Link(self.name, f"{self.name}_tilt", f"{self.name}_cross", HERE, self.tilt, shape=(self.end,))
 
@@ -113,7 +113,7 @@ class Rod(NamedTuple):
 
 
 def fixed_platform(held: str, platform_point: Vector, corners: Sequence[Vector] = ()) -> Link:
-    """The platform as a part of the link that holds it at a point of it. corners: where the legs hold it, m."""
+    """The platform as a part of the link that holds it at one point. corners: attachments of the legs, m."""
     return Link(PLATFORM, "platform_mount", held, scaled(-1.0, platform_point), None, shape=tuple(corners))
 
 

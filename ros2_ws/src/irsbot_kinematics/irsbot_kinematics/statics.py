@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from irsbot_kinematics.arithmetic import Arithmetic, N
+from irsbot_kinematics.numerics.arithmetic import Arithmetic, N
 
 Rows = Sequence[Sequence[N]]
 
@@ -34,7 +34,7 @@ def cofactors(rows: Rows[N]) -> tuple[N, tuple[tuple[N, ...], ...]]:
     return _dot(a, columns[0]), columns
 
 
-def pressure_cosines(k: Arithmetic[N], rows: Rows[N], arms: Sequence[tuple[N, N]]) -> tuple[N, tuple[N, ...]]:
+def pressure_cosines(k: Arithmetic[N], rows: Rows[N], attachments: Sequence[tuple[N, N]]) -> tuple[N, tuple[N, ...]]:
     """Determinant of A, and cosine of the pressure angle of each leg, 0..1, 0 at a Type 2 singularity.
 
     The pressure angle of leg i lies between its force and the velocity of the point where it holds the platform
@@ -45,30 +45,33 @@ def pressure_cosines(k: Arithmetic[N], rows: Rows[N], arms: Sequence[tuple[N, N]
     if len(rows) == 2:  # unit rows: both legs share |sin| of the angle between their screws
         (ax, ay), (bx, by) = rows
         cross = ax * by - ay * bx
-        cosine = k.least(k.size(cross), 0.0 * cross + 1.0)  # rounding may lift it over 1, where acos ends
+        cosine = k.minimum(k.abs(cross), 0.0 * cross + 1.0)  # rounding may lift it over 1, where acos ends
         return cross, (cosine, cosine)
-    det, speeds = yielding(k, rows, arms)
-    size = k.size(det)
+    det, speeds = yielding(k, rows, attachments)
+    size = k.abs(det)
     return det, tuple([k.ratio(size, speed) for speed in speeds])
 
 
-def yielding(k: Arithmetic[N], rows: Rows[N], arms: Sequence[Sequence[N]]) -> tuple[N, list[N]]:
+def yielding(k: Arithmetic[N], rows: Rows[N], attachments: Sequence[Sequence[N]]) -> tuple[N, list[N]]:
     """Determinant of A, and, per leg, its size times that of the velocity with which the point where the leg holds the
     platform moves when this leg alone yields by one unit. `arms` as in `pressure_cosines`."""
     det, columns = cofactors(rows)
-    if arms and len(rows) == 4:
+    if attachments and len(rows) == 4:
         return det, [
-            _size(k, (vx - w * ay, vy + w * ax, vz)) for (vx, vy, vz, w), (ax, ay) in zip(columns, arms, strict=True)
+            _size(k, (vx - w * ay, vy + w * ax, vz))
+            for (vx, vy, vz, w), (ax, ay) in zip(columns, attachments, strict=True)
         ]
-    if arms:
-        return det, [k.hypot(vx - w * ay, vy + w * ax) for (vx, vy, w), (ax, ay) in zip(columns, arms, strict=True)]
+    if attachments:
+        return det, [
+            k.hypot(vx - w * ay, vy + w * ax) for (vx, vy, w), (ax, ay) in zip(columns, attachments, strict=True)
+        ]
     return det, [_size(k, column) for column in columns]
 
 
 def twist(rows: Rows[N], drive: Sequence[N]) -> tuple[N, ...]:
     """Platform twist t of A t = drive, with drive = -B qdot: the same units as the task coordinates per second.
 
-    Undefined at Type 2 (det A = 0): the caller makes sure that it is not there.
+    Undefined at Type 2 (det A = 0): the caller excludes that case.
     """
     if len(rows) == 2:
         (ax, ay), (bx, by) = rows
@@ -97,8 +100,8 @@ def combined(det: N, columns: Rows[N], drive: Sequence[N]) -> tuple[N, ...]:
 def reactions(rows: Rows[N], wrench: Sequence[N]) -> tuple[N, ...]:
     """Force of each leg on the platform, N, that balances an external wrench: R = -A^-T w.
 
-    wrench: N, and N m about the platform point where the platform can turn. Undefined at Type 2 (det A = 0): the
-    caller makes sure that it is not there.
+    wrench: N, and N m about the platform point if the platform can turn. Undefined at Type 2 (det A = 0): the caller
+    excludes that case.
     """
     det, columns = cofactors(rows)
     return tuple([-_dot(column, wrench) / det for column in columns])
@@ -120,13 +123,13 @@ def reaction_max(
     """
     if len(rows) == 2:  # unit rows: the cofactor vectors are unit vectors
         (ax, ay), (bx, by) = rows
-        size = k.size(ax * by - ay * bx)
+        size = k.abs(ax * by - ay * bx)
         largest = k.quotient(0.0 * size + force_n, size)
         return largest, largest
     det, columns = cofactors(rows)
-    size = k.size(det)
+    size = k.abs(det)
     if turns:
-        sizes = [_size(k, v[:-1]) * force_n + k.size(v[-1]) * abs(moment_nm) for v in columns]
+        sizes = [_size(k, v[:-1]) * force_n + k.abs(v[-1]) * abs(moment_nm) for v in columns]
     else:
         sizes = [_size(k, v) * force_n for v in columns]
     return tuple([k.quotient(value, size) for value in sizes])
@@ -135,7 +138,7 @@ def reaction_max(
 def _size(k: Arithmetic[N], v: Sequence[N]) -> N:
     if len(v) == 2:
         return k.hypot(v[0], v[1])
-    return k.root(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+    return k.safe_sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
 
 
 def _dot(a: Sequence[N], b: Sequence[N]) -> N:

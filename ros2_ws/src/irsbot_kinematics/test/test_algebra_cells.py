@@ -12,10 +12,10 @@ pytest.importorskip("flint", reason="python-flint is an optional extra")
 
 from irsbot_kinematics import algebra, make_robot
 from irsbot_kinematics.algebra.cusps_numeric import numeric_cusps
-from irsbot_kinematics.algebra.polynomial import integer_context
+from irsbot_kinematics.algebra.model.polynomial import integer_context
 from irsbot_kinematics.algebra.sizes import refuse_large_walls
 from irsbot_kinematics.algebra.upright_rods import eliminant
-from irsbot_kinematics.assemblies import SAMPLED_TURNS, planar_closing, trigonometric_roots
+from irsbot_kinematics.numerics.assembly_roots import SAMPLED_TURNS, planar_closing, trigonometric_roots
 
 # Sheet of the algebra, section 6: cusps of the 3-RPR, (rho_2, rho_3; phi).
 CUSPS = {
@@ -186,12 +186,12 @@ def test_numbers_at_the_vertices_of_a_workspace_are_products_over_the_legs(name)
 
 def test_a_second_call_comes_from_the_cache_and_can_do_the_same(tmp_path):
     s = algebra.predefined("hybridglide")
-    said = []
-    first = algebra.decompose(s, ("x", "y"), ((-2, 2), (-2, 6)), {"z": 1}, progress=lambda *what: said.append(what))
-    assert {what for what, _, _ in said} >= {"critical values", "numbers of solutions", "cell graph", "areas"}
-    said.clear()
-    again = algebra.decompose(s, ("x", "y"), ((-2, 2), (-2, 6)), {"z": 1}, progress=lambda *what: said.append(what))
-    assert said == []
+    stated = []
+    first = algebra.decompose(s, ("x", "y"), ((-2, 2), (-2, 6)), {"z": 1}, progress=lambda *what: stated.append(what))
+    assert {what for what, _, _ in stated} >= {"critical values", "numbers of solutions", "cell graph", "areas"}
+    stated.clear()
+    again = algebra.decompose(s, ("x", "y"), ((-2, 2), (-2, 6)), {"z": 1}, progress=lambda *what: stated.append(what))
+    assert stated == []
     assert again.regions == first.regions
     for point in ((0, 1), ("0.1", "1.7"), (-1, 5)):
         assert again.locate(point) == first.locate(point)
@@ -415,7 +415,7 @@ def test_four_rotations_of_the_3ppps():
     assert len(rotations) == 4
 
 
-def test_what_cannot_be_decomposed_is_said_in_one_line():
+def test_a_slice_that_cannot_be_decomposed_is_refused_in_one_line():
     s = algebra.predefined("3rpr")
     for names, box, fixed, word in (
         (("rho2", "rho3"), ((1, 2), (1, 2)), {}, "rho1"),

@@ -9,7 +9,7 @@ pytest.importorskip("flint", reason="python-flint is an optional extra")
 
 import irsbot_kinematics as irs
 from irsbot_kinematics import algebra
-from irsbot_kinematics.loops import circle
+from irsbot_kinematics.analysis.loops import circle
 
 # robot, centre, joints, radius, start, pose before, pose after, smallest |det A| of halved closure rows.
 ROBOTS = [

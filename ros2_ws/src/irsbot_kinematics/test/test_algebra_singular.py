@@ -13,9 +13,9 @@ pytest.importorskip("flint", reason="python-flint is an optional extra")
 from irsbot_kinematics import algebra, make_robot
 from irsbot_kinematics.algebra.delta_forms import delta_projection
 from irsbot_kinematics.algebra.elimination import eliminate
-from irsbot_kinematics.algebra.polynomial import context, irreducible, moved, primitive, public
+from irsbot_kinematics.algebra.model.polynomial import context, irreducible, moved, primitive, public
 
-# (degree, degrees, terms, bits) as printed in [S4], Tables 3 and 4, with the corrections of docs/sources.md.
+# (degree, degrees, terms, bits) as printed in [S4], Tables 3 and 4, corrected as docs/explanation/sources.md lists.
 TABLES = {
     ("orthoglide", "parallel", "pose"): (18, (10, 10, 10), 97, 15),
     ("orthoglide", "parallel", "joint"): (6, (4, 4, 4), 10, 4),
@@ -80,7 +80,7 @@ def test_the_closed_forms_agree_with_a_cascade_of_resultants(name):
 
 def _slice(poly, first):
     whole = context(poly.context().names()).from_dict({m: int(c) for m, c in poly.to_dict().items()})
-    from irsbot_kinematics.algebra.polynomial import rational
+    from irsbot_kinematics.algebra.model.polynomial import rational
 
     names = [n for n in poly.context().names() if n != first]
     return primitive(moved(whole.subs({first: rational(Fraction(1, 3))}), context(names)))

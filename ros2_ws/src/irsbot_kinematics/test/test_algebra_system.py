@@ -13,17 +13,17 @@ import pytest
 pytest.importorskip("flint", reason="python-flint is an optional extra")
 
 from irsbot_kinematics import algebra, make_robot, robots
-from irsbot_kinematics.algebra.exact import angle_pair, exact, simplest_between, square_root
-from irsbot_kinematics.algebra.fibre import Fibre
-from irsbot_kinematics.algebra.finite import generic_fibre
-from irsbot_kinematics.algebra.polynomial import context
-from irsbot_kinematics.algebra.roots import roots_between
+from irsbot_kinematics.algebra.model.exact import angle_pair, exact, simplest_between, square_root
+from irsbot_kinematics.algebra.model.fibre import Fibre
+from irsbot_kinematics.algebra.model.finite import generic_fibre
+from irsbot_kinematics.algebra.model.polynomial import context
+from irsbot_kinematics.algebra.model.roots import roots_between
 
 CIRCLES = ["x^2 + y^2 = r1^2", "(x - 1)^2 + y^2 = r2^2"]
 
 
-def system(equations=CIRCLES, **said):
-    return algebra.System(equations, **{"pose": ["x", "y"], "joints": ["r1", "r2"], **said})
+def system(equations=CIRCLES, **stated):
+    return algebra.System(equations, **{"pose": ["x", "y"], "joints": ["r1", "r2"], **stated})
 
 
 def test_decimals_are_taken_as_written():
@@ -33,14 +33,14 @@ def test_decimals_are_taken_as_written():
 
 
 @pytest.mark.parametrize("value", [0.1 + 0.2, float("nan"), float("inf"), "x", None, True, 1j])
-def test_what_is_no_exact_number_is_refused_in_one_line(value):
+def test_a_value_that_is_not_exact_is_refused_in_one_line(value):
     with pytest.raises(algebra.AlgebraError) as refused:
         exact(value, "rho1")
     assert "rho1" in str(refused.value)
     assert "\n" not in str(refused.value)
 
 
-def test_roots_and_angles_are_rationalised_to_the_digits_that_are_said():
+def test_roots_and_angles_are_rationalised_to_the_stated_digits():
     root = square_root(Fraction(3), 40)
     assert abs(root**2 - 3) < Fraction(4, 10**40)
     assert square_root(Fraction(9, 4), 3) == Fraction(3, 2)
@@ -67,7 +67,7 @@ def test_the_simplest_fraction_between(low, high):
 
 
 @pytest.mark.parametrize(
-    ("said", "word"),
+    ("stated", "word"),
     [
         ({"equations": [*CIRCLES, "x = y"]}, "3 equations for 2"),
         ({"equations": ["x^2 + z = r1", "y = r2"]}, "'z' is not declared"),
@@ -84,9 +84,9 @@ def test_the_simplest_fraction_between(low, high):
         ({"joints": ["r1", "r2", "r3"]}, "redundant"),
     ],
 )
-def test_a_bad_system_is_refused_in_one_line(said, word):
+def test_a_bad_system_is_refused_in_one_line(stated, word):
     with pytest.raises(algebra.AlgebraError) as refused:
-        system(**said)
+        system(**stated)
     assert word in str(refused.value)
     assert "\n" not in str(refused.value)
 
@@ -162,7 +162,7 @@ def test_the_system_of_a_shipped_robot_closes_where_the_robot_does(name):
         tried += bool(poses)
 
 
-def test_names_and_lengths_that_nobody_knows():
+def test_unknown_names_and_lengths_are_refused():
     with pytest.raises(algebra.AlgebraError, match="known are"):
         algebra.predefined("4rpr")
     with pytest.raises(algebra.AlgebraError, match="no length 'd9'"):
@@ -216,7 +216,7 @@ def test_an_open_interval_does_not_count_its_ends():
 
 def test_a_sturm_chain_counts_as_the_isolation_does():
     rng = np.random.default_rng(8)
-    from irsbot_kinematics.algebra.roots import integer_poly
+    from irsbot_kinematics.algebra.model.roots import integer_poly
 
     for _ in range(20):
         row = rng.integers(-5, 6, 7).tolist()
@@ -238,7 +238,7 @@ def test_multiplicities_of_a_fibre():
     assert len(fibre.accepted([x - 1])) == 0  # zero is not positive
 
 
-def test_without_python_flint_one_sentence_says_what_to_install():
+def test_without_python_flint_one_sentence_names_the_package():
     code = (
         "import sys; sys.modules['flint'] = None\n"
         "from irsbot_kinematics import algebra\n"

@@ -8,18 +8,18 @@ from math import inf, nan, pi
 import numpy as np
 import pytest
 
-from irsbot_kinematics.arithmetic import ARRAYS, FLOATS, Arithmetic
+from irsbot_kinematics.numerics.arithmetic import ARRAYS, FLOATS, Arithmetic
 
 NUMBERS = [0.0, -0.0, 1.0, -1.0, 0.3, -0.7, 1e-300, 1e300, 3.5, -4.0, 100.0, pi, -pi, nan, inf, -inf]
-ONE = {"sin", "cos", "acos", "root", "sqrt", "size", "wrap"} & {field.name for field in fields(Arithmetic)}
-TWO = {"atan2", "hypot", "least", "most", "ratio", "quotient"}
+ONE = {"sin", "cos", "acos", "safe_sqrt", "sqrt", "abs", "wrap"} & {field.name for field in fields(Arithmetic)}
+TWO = {"atan2", "hypot", "minimum", "maximum", "ratio", "quotient"}
 DEFINED = {
     # where floats raise ValueError, arrays give NaN: the callers keep such numbers out
     "sin": np.isfinite,
     "cos": np.isfinite,
     "acos": lambda x: abs(x) <= 1.0,
     "sqrt": lambda x: x >= 0.0,
-    "root": lambda x: x > -inf,
+    "safe_sqrt": lambda x: x > -inf,
     "ratio": lambda part, whole: part >= 0.0 and whole >= 0.0 and not part == whole == inf,
     "quotient": lambda above, below: above >= 0.0 and below >= 0.0 and not above == below == inf,
 }
@@ -55,15 +55,15 @@ def test_functions_of_two_numbers_agree(name):
 def test_a_number_that_is_not_known_is_not_forgotten(k):
     unknown, known = (nan, 1.0) if k is FLOATS else (np.array([nan]), np.array([1.0]))
     with np.errstate(invalid="ignore"):
-        for function in (k.least, k.most, k.hypot, k.atan2, k.ratio, k.quotient):
+        for function in (k.minimum, k.maximum, k.hypot, k.atan2, k.ratio, k.quotient):
             assert np.isnan(function(unknown, known)).all()
             assert np.isnan(function(known, unknown)).all()
-        for function in (k.root, k.size, k.wrap):
+        for function in (k.safe_sqrt, k.abs, k.wrap):
             assert np.isnan(function(unknown)).all()
 
 
 def test_roots_quotients_and_ratios_are_defined_at_their_ends():
-    assert FLOATS.root(-1e-20) == 0.0
+    assert FLOATS.safe_sqrt(-1e-20) == 0.0
     assert (FLOATS.ratio(2.0, 1.0), FLOATS.ratio(0.0, 0.0), FLOATS.ratio(1.0, 4.0)) == (1.0, 0.0, 0.25)
     assert (FLOATS.quotient(1.0, 0.0), FLOATS.quotient(1.0, 4.0)) == (inf, 0.25)
 

@@ -14,8 +14,9 @@ from rod_machines import Array, Machine, closed, units
 from scipy.optimize import lsq_linear, minimize
 
 import irsbot_kinematics as irs
-from irsbot_kinematics.boxes import Change, Rod, distances, least_singular, reached
-from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2, Irsbot2Geometry
+from irsbot_kinematics.bounds.boxes import Change, Rod, distances, least_singular, reached
+from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2
+from irsbot_kinematics.mechanisms.irsbot2_space.geometry import Irsbot2Geometry
 
 ROUNDING = 1e-10
 """m or 1: the machines are closed with rounding of their own."""
@@ -61,14 +62,14 @@ def random_box(rng, rods, dims, way):
     """Lengths, arms and motions of very different sizes; of half of them the arms lie along the rods, one leg like the
     other, so that the platform turns much and its arms push or pull the rods."""
     while True:
-        arms = rng.normal(size=(rods, 2)) * 10.0 ** rng.uniform(-1.0, 1.0) * (rods > dims)
+        attachments = rng.normal(size=(rods, 2)) * 10.0 ** rng.uniform(-1.0, 1.0) * (rods > dims)
         r, length = units(rng.normal(size=(rods, dims))), 10.0 ** rng.uniform(-1.0, 1.0, rods)
         if rods > dims and rng.uniform() < 0.5:
             angles = rng.uniform(0.0, 7.0) + 2.0 * np.pi * np.arange(rods) / rods
-            arms = np.stack([np.cos(angles), np.sin(angles)], axis=1) * 10.0 ** rng.uniform(-0.1, 0.1, (rods, 1))
+            attachments = np.stack([np.cos(angles), np.sin(angles)], axis=1) * 10.0 ** rng.uniform(-0.1, 0.1, (rods, 1))
             angles = angles + rng.uniform(0.0, 7.0) + rng.normal(size=rods) * 0.2
             r[:, :2] = np.stack([np.cos(angles), np.sin(angles)], axis=1) * np.hypot(*r[:, :2].T)[:, None] ** (dims - 2)
-        machine = Machine(units(r), arms, length)
+        machine = Machine(units(r), attachments, length)
         if abs(np.linalg.det(np.array(machine.posture.screws))) > 1e-2:
             break
     size = 10.0 ** rng.uniform(-3.5, -0.7) * machine.length
@@ -103,15 +104,15 @@ def steepest(box, n, m):
     ("platform", "way"),
     [(name, way) for name, (n, m) in PLATFORMS.items() for way in WAYS if n > m or way != "elsewhere"],
 )
-def test_rods_of_any_place_and_motion_stay_within_what_is_said_of_a_box(platform, way):
+def test_rods_of_any_place_and_motion_stay_within_the_bounds_of_a_box(platform, way):
     """Near ends and lengths anywhere within their bounds, all corners, and where the Type 2 margin falls fastest."""
     rng, (n, m) = np.random.default_rng(32), PLATFORMS[platform]
     others, promised, used = 12, 0, np.zeros(3)
     for _ in range(100 if m < n > 3 else 50):
         box = random_box(rng, n, m, way)
         machine = box.machine
-        said = reached(machine.posture, box.rods(), box.arm)
-        if said is None or not said.type2 > 0.0:
+        stated = reached(machine.posture, box.rods(), box.arm)
+        if stated is None or not stated.type2 > 0.0:
             continue
         promised += 1
         s = np.concatenate([corners(n), rng.uniform(-1.0, 1.0, (others, n)), np.zeros((1, n))])
@@ -121,22 +122,22 @@ def test_rods_of_any_place_and_motion_stay_within_what_is_said_of_a_box(platform
         start, _ = box.met(0.0 * s[:1], 0.0 * e[:1], 0.0 * g[:1], 0.0 * a[:1])
         s, e, g, a = (np.concatenate([x, [worst]]) for x, worst in zip((s, e, g, a), steepest(box, n, m), strict=True))
         found, length = box.met(s, e, g, a)
-        off = np.linalg.norm(found.move - s @ np.array(said.moves), axis=1)
+        off = np.linalg.norm(found.move - s @ np.array(stated.moves), axis=1)
         changes = found.r * (length / machine.length)[..., None] - machine.r
-        changes -= np.einsum("ns,rsm->nrm", s, np.array([change.ways for change in said.changes]))
-        rest, most = np.linalg.norm(changes, axis=2), np.array([change.rest for change in said.changes])
-        assert (off <= said.aside + ROUNDING).all()
+        changes -= np.einsum("ns,rsm->nrm", s, np.array([change.ways for change in stated.changes]))
+        rest, most = np.linalg.norm(changes, axis=2), np.array([change.rest for change in stated.changes])
+        assert (off <= stated.aside + ROUNDING).all()
         assert (rest <= most + 10.0 * ROUNDING).all()
-        assert (found.rod_turns(machine) <= said.turn + 10.0 * ROUNDING).all()
-        assert (found.type2 >= said.type2 - ROUNDING).all()
-        loss = (start.type2 - found.type2) / (start.type2 - said.type2 + 1e-9)
-        used = np.maximum(used, [(off / (said.aside + 1e-9)).max(), (rest / (most + 1e-9)).max(), loss.max()])
+        assert (found.rod_turns(machine) <= stated.turn + 10.0 * ROUNDING).all()
+        assert (found.type2 >= stated.type2 - ROUNDING).all()
+        loss = (start.type2 - found.type2) / (start.type2 - stated.type2 + 1e-9)
+        used = np.maximum(used, [(off / (stated.aside + 1e-9)).max(), (rest / (most + 1e-9)).max(), loss.max()])
     assert promised > 10, "hardly anything is promised"
     assert (used > [0.5, 0.5, 0.5]).all(), "what happens is far from what is said of displacement, directions, Type 2"
 
 
 @pytest.mark.parametrize("wrong", [np.nan, np.inf])
-def test_nothing_is_said_of_rods_whose_motion_is_unknown(wrong):
+def test_rods_with_unknown_motion_have_no_bound(wrong):
     machine = Machine(np.eye(3), np.zeros((3, 2)), np.ones(3))
     usual = Rod(1.0, (1e-3, 0.0, 0.0), 1e-6)
     assert reached(machine.posture, [usual] * 3) is not None
@@ -151,8 +152,8 @@ def test_nothing_is_said_of_rods_whose_motion_is_unknown(wrong):
     }.items():
         if (field, wrong) == ("length", np.inf):  # a rod as long as can be is a plane: nothing is unknown of it
             continue
-        said = reached(machine.posture, [usual, usual._replace(**{field: value}), usual])
-        assert said is None or not said.type2 > 0.0, field
+        stated = reached(machine.posture, [usual, usual._replace(**{field: value}), usual])
+        assert stated is None or not stated.type2 > 0.0, field
 
 
 # --- distances and singular values over a box ---

@@ -1,4 +1,4 @@
-"""Bounds of second order over boxes of joints: never broken, usually better than `guarantee`, and how loose."""
+"""Bounds of second order over boxes of joints: never broken, usually better than `certified_bounds`, and how loose."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from postures import NAMES, ROBOTS, joint_range, near, random_joints
 from rod_machines import closed, units
 
 import irsbot_kinematics as irs
-from irsbot_kinematics.boxes import reached
+from irsbot_kinematics.bounds.boxes import reached
 from irsbot_kinematics.mechanism import Mechanism
 from irsbot_kinematics.mechanisms.delta_family import DeltaGeometry
 from irsbot_kinematics.mechanisms.orthoglide import Orthoglide
@@ -70,11 +70,11 @@ def steepest(robot, at, travel):
 @every_robot
 def test_no_margin_in_a_box_is_below_its_bound_and_the_branch_is_kept(name):
     robot, rng = ROBOTS[name], np.random.default_rng(30)
-    number, points = (240, 24) if robot.mechanism.labels_hold else (80, 8)
+    number, points = (240, 24) if robot.mechanism.label_is_invariant else (80, 8)
     promised, nearest = 0, np.inf
     for at in random_postures(robot, rng, number):
         travel = random_travel(robot, rng)
-        bound = robot.mechanism.guarantee_sharp(at, travel.tolist())
+        bound = robot.mechanism.sharp_bounds(at, travel.tolist())
         assert 0.0 <= bound.type2 <= at.type2 + ROUNDING
         if not bound.type2 > 0.0:
             continue
@@ -104,7 +104,7 @@ def test_planar_loops_of_any_proportions_stay_above_their_bounds():
         else:
             continue
         travel = 0.1 * at.type2 * min(1.0, l2 / l1) * 10.0 ** rng.uniform(-2.0, 0.5) * rng.uniform(size=2)
-        bound = robot.mechanism.guarantee_sharp(at, travel.tolist())
+        bound = robot.mechanism.sharp_bounds(at, travel.tolist())
         if bound.type2 > 0.0:
             promised += 1
             met = near(robot, at, np.array(at.joints) + s * travel)
@@ -125,7 +125,7 @@ def test_the_constraint_bound_holds_where_the_margin_is_small_and_falls_fast(nam
         travel = np.abs(joints_that_turn(robot, at, turns))
         if rng.uniform() < 0.3:
             travel[rng.integers(2)] = 0.0
-        bound = robot.mechanism.guarantee_sharp(at, travel.tolist())
+        bound = robot.mechanism.sharp_bounds(at, travel.tolist())
         if bound.type2 > 0.0 and bound.constraint > 0.0:
             met = near(robot, at, np.array(at.joints) + s * travel)
             assert (met.constraint_margin >= bound.constraint - ROUNDING).all()
@@ -152,7 +152,7 @@ def joints_that_turn(robot, at, turns):
 
 
 @pytest.mark.parametrize("name", [name for name in NAMES if hasattr(ROBOTS[name].mechanism, "rods_of")])
-def test_near_ends_and_lengths_of_rods_stay_within_what_is_said_of_a_box(name):
+def test_near_ends_and_lengths_of_rods_stay_within_the_bounds_of_a_box(name):
     """And they use it."""
     robot, rng, used = ROBOTS[name], np.random.default_rng(38), 0.0
     straight = isinstance(robot.mechanism, SlidingPlatform)  # nothing is allowed for, so that nothing is used
@@ -162,7 +162,7 @@ def test_near_ends_and_lengths_of_rods_stay_within_what_is_said_of_a_box(name):
         how, machine = wrong_machines.driven(robot, at, s * travel), wrong_machines.rods(robot, at)
         rods = robot.mechanism.rods_of(at, travel.tolist(), 0.0)
         met = reached(machine.posture, rods)
-        bound = robot.mechanism.guarantee_sharp(at, travel.tolist())
+        bound = robot.mechanism.sharp_bounds(at, travel.tolist())
         assert bound.type2 == pytest.approx(met.type2 if met else 0.0, abs=1e-12)
         for i, rod in enumerate(rods):
             curve = np.array(rod.curve or (0.0,) * len(rod.near))
@@ -185,13 +185,13 @@ def test_near_ends_and_lengths_of_rods_stay_within_what_is_said_of_a_box(name):
 def test_bounds_with_slack_hold_on_machines_whose_legs_are_that_wrong(name):
     """A leg that is too long or misplaced has the near end of its rod off by at most the slack, in any direction."""
     robot, rng = ROBOTS[name], np.random.default_rng(31)
-    number, points = (120, 32) if robot.mechanism.labels_hold else (80, 32)
+    number, points = (120, 32) if robot.mechanism.label_is_invariant else (80, 32)
     promised, used = 0, 0.0
     for at in random_postures(robot, rng, number):
         travel = random_travel(robot, rng)
         machine = wrong_machines.rods(robot, at)
         slack = machine.length.min() * 10.0 ** rng.uniform(-5.0, -2.0) * min(1.0, 2.0 * at.type2)
-        bound = robot.mechanism.guarantee_sharp(at, travel.tolist(), slack)
+        bound = robot.mechanism.sharp_bounds(at, travel.tolist(), slack)
         if not bound.type2 > 0.0:
             continue
         promised += 1
@@ -210,7 +210,7 @@ def test_bounds_with_slack_hold_on_machines_whose_legs_are_that_wrong(name):
 
 
 @every_robot
-def test_bounds_with_slack_hold_on_machines_of_which_every_length_and_place_is_off(name):
+def test_bounds_with_slack_hold_on_machines_with_errors_of_every_length_and_place(name):
     """Among the machines are those whose errors and joints lower a margin fastest."""
     rng, promised, used = np.random.default_rng(40), 0, 0.0
     for k in range(40):
@@ -220,14 +220,14 @@ def test_bounds_with_slack_hold_on_machines_of_which_every_length_and_place_is_o
             continue
         slack = robot.mechanism.length_m * 10.0 ** rng.uniform(-6.0, -2.3)
         travel = rng.integers(0, 2) * wrong_geometry.random_travel(robot, at, rng)
-        bound = robot.mechanism.guarantee_sharp(at, travel.tolist(), slack)
+        bound = robot.mechanism.sharp_bounds(at, travel.tolist(), slack)
         if bound.type2 > 0.0:
             promised += 1
             met = wrong_geometry.margins(robot, at, *wrong_geometry.attacks(robot, at, travel, slack, rng))
-            said, now = wrong_geometry.columns(bound)[0], wrong_geometry.columns(at)[0]
+            stated, now = wrong_geometry.columns(bound)[0], wrong_geometry.columns(at)[0]
             found = wrong_geometry.columns(met)
-            assert (found >= said - ROUNDING).all()
-            used = max(used, np.max((now - found.min(axis=0)) / (now - said + 1e-9)))
+            assert (found >= stated - ROUNDING).all()
+            used = max(used, np.max((now - found.min(axis=0)) / (now - stated + 1e-9)))
     assert promised > 12, "hardly anything is promised"
     assert used > 0.3, "the machines are far from the bound: the fixture does not bite"
 
@@ -236,16 +236,16 @@ def test_bounds_with_slack_hold_on_machines_of_which_every_length_and_place_is_o
 
 
 @every_robot
-def test_what_a_box_loses_against_what_happens_in_it_is_of_second_or_third_order(name):
+def test_the_pessimism_of_a_box_is_of_second_or_third_order(name):
     """Of half the box a quarter of it is left, of platforms on rods an eighth; bounds of first order leave a half."""
     robot, rng = ROBOTS[name], np.random.default_rng(33)
     lower, upper = joint_range(robot)
     s, ratios = corners(len(lower)), []
-    for at in random_postures(robot, rng, 120 if robot.mechanism.labels_hold else 30):
+    for at in random_postures(robot, rng, 120 if robot.mechanism.label_is_invariant else 30):
         travel = 3e-3 * (upper - lower) * at.type2 * rng.uniform(size=len(lower))
         lost = [
             near(robot, at, np.array(at.joints) + share * travel * s).type2_margin.min()
-            - robot.mechanism.guarantee_sharp(at, (share * travel).tolist()).type2
+            - robot.mechanism.sharp_bounds(at, (share * travel).tolist()).type2
             for share in (1.0, 0.5)
         ]
         if lost[0] < 0.1 and lost[1] > 1e-9:
@@ -261,8 +261,8 @@ def test_the_second_order_is_usually_better_than_the_first(name):
     for at in random_postures(robot, rng, 80):
         travel = random_travel(robot, rng, 0.03).tolist()
         sharp, usual = (
-            numbers(robot.mechanism.guarantee_sharp(at, travel)),
-            numbers(robot.mechanism.guarantee(at, travel)),
+            numbers(robot.mechanism.sharp_bounds(at, travel)),
+            numbers(robot.mechanism.certified_bounds(at, travel)),
         )
         k = len(travel)
         if max(sharp[k], usual[k]) > 0.0:
@@ -292,7 +292,7 @@ def test_nothing_is_promised_for_boxes_that_are_unknown_or_of_a_whole_turn(name,
         if not isinstance(wrong, str) and not wrong < 0.0:
             asked.append((usual, wrong))
         for travel, slack in asked:
-            bound = robot.mechanism.guarantee_sharp(at, travel, slack)
+            bound = robot.mechanism.sharp_bounds(at, travel, slack)
             assert bound.type2 == 0.0, (travel, slack)
             assert min(bound.type1) == 0.0
             assert not bound.constraint > 0.0
@@ -307,17 +307,17 @@ def test_a_box_that_is_smaller_than_any_motion_loses_nothing(name, length):
     for at in random_postures(robot, rng, 20):
         if min(at.type2, *at.type1) > 0.1:
             for travel in ([length] * n, [length] + [0.0] * (n - 1)):
-                bound = robot.mechanism.guarantee_sharp(at, travel)
+                bound = robot.mechanism.sharp_bounds(at, travel)
                 np.testing.assert_allclose(numbers(bound), numbers(at), atol=1e-9)
 
 
 def test_a_mechanism_that_knows_no_better_has_its_usual_bound():
     class Plain(Orthoglide):
-        guarantee_sharp = Mechanism.guarantee_sharp
+        sharp_bounds = Mechanism.sharp_bounds
 
     plain = Plain(DeltaGeometry(2.0, (0.0, 4.0)))
     at = plain.posture((1.4, 1.5, 1.7), -1)
     travel, slack = (0.025, 0.025, 0.001), 1e-4
-    usual = plain.guarantee(at, travel, slack)
-    assert plain.guarantee_sharp(at, travel, slack) == usual
-    assert 0.0 < usual.type2 != Orthoglide.guarantee_sharp(plain, at, travel, slack).type2
+    usual = plain.certified_bounds(at, travel, slack)
+    assert plain.sharp_bounds(at, travel, slack) == usual
+    assert 0.0 < usual.type2 != Orthoglide.sharp_bounds(plain, at, travel, slack).type2

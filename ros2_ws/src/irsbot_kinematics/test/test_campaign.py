@@ -16,7 +16,7 @@ pytestmark = pytest.mark.skipif(not CAMPAIGNS.is_dir(), reason="the repository i
 def results():
     sys.path.insert(0, str(CAMPAIGNS))
     try:
-        import kinematics
+        import kinematics  # type: ignore[import-not-found]
     finally:
         sys.path.remove(str(CAMPAIGNS))
     return {result.name: result for result in kinematics.run(quick=True, seed=5)}

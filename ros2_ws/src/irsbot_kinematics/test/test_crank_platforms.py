@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from irsbot_kinematics import Robot, Status, limbs, make_robot, statics
-from irsbot_kinematics.arithmetic import ARRAYS, FLOATS
-from irsbot_kinematics.assemblies import SAMPLED_TURNS, planar_closing, trigonometric_roots
 from irsbot_kinematics.mechanisms.rrr3_base import Rrr3Base, Rrr3BaseGeometry
 from irsbot_kinematics.mechanisms.ruu4 import Ruu4, Ruu4Geometry
+from irsbot_kinematics.numerics.arithmetic import ARRAYS, FLOATS
+from irsbot_kinematics.numerics.assembly_roots import SAMPLED_TURNS, planar_closing, trigonometric_roots
 
 TRIANGLES = Rrr3BaseGeometry(  # nothing about it is symmetric
     a1=(-0.31, -0.16),
@@ -241,9 +241,9 @@ def test_the_largest_leg_force_is_the_largest_over_all_loads(name):
     wrenches = np.concatenate([np.insert(70.0 * ways, n - 1, sign * 4.0, axis=1) for sign in (-1, 1)])
     for q, x, _ in random_poses(robot, rng, 5):
         tried = np.abs(np.linalg.solve(gradients(robot, q, x)[0].T, wrenches.T)).max(axis=1)
-        said = robot.reaction_max(x, q, 70.0, 4.0)
-        assert (tried <= said * (1 + 1e-9)).all()
-        assert (tried >= said * 0.995).all()
+        stated = robot.reaction_max(x, q, 70.0, 4.0)
+        assert (tried <= stated * (1 + 1e-9)).all()
+        assert (tried >= stated * 0.995).all()
 
 
 def held_velocities(robot, q, x):
@@ -285,7 +285,7 @@ def test_one_sample_and_many_say_the_same(name):
                     [evs.type2_margin[i], evs.constraint_margin[i]], [at.type2, at.constraint], atol=EXACT
                 )
                 shared = m.legs(FLOATS, tuple(q), at.pose)
-                for field in ("screws", "levers", "sines", "reach", "arms"):
+                for field in ("screws", "levers", "normalised_levers", "reach", "attachments"):
                     np.testing.assert_allclose(getattr(at, field), getattr(shared, field), atol=1e-12)
 
 
@@ -400,7 +400,7 @@ def test_no_margin_on_the_branch_is_below_the_guarantee(name, slack_share):
     for q, x, _ in random_poses(robot, rng, 60, best=0.1):
         at = robot.mechanism.at(tuple(q.tolist()), tuple(x.tolist()), 1, (0.0, 1.0))
         travel, slack = 10.0 ** rng.uniform(-4, -2, len(q)), slack_share * 10.0 ** rng.uniform(-5, -3)
-        bound = robot.mechanism.guarantee(at, travel.tolist(), slack)
+        bound = robot.mechanism.certified_bounds(at, travel.tolist(), slack)
         if not bound.type2 > 0.0:
             continue
         promised += 1
@@ -414,8 +414,8 @@ def test_no_margin_on_the_branch_is_below_the_guarantee(name, slack_share):
             d = rods(robot, q + ahead, pose) - off
             r = d / np.linalg.norm(d, axis=1, keepdims=True)
             crank = np.stack([np.cos(q + ahead), np.sin(q + ahead)], axis=1)
-            sines = np.abs(crank[:, 0] * r[:, 1] - crank[:, 1] * r[:, 0])
-            assert (sines >= np.array(bound.type1) - EXACT).all()
+            normalised_levers = np.abs(crank[:, 0] * r[:, 1] - crank[:, 1] * r[:, 0])
+            assert (normalised_levers >= np.array(bound.type1) - EXACT).all()
             turned = np.array(
                 [[cos(pose[-1]) * u - sin(pose[-1]) * v, sin(pose[-1]) * u + cos(pose[-1]) * v] for u, v, _ in B]
             )
@@ -426,10 +426,10 @@ def test_no_margin_on_the_branch_is_below_the_guarantee(name, slack_share):
             if len(q) == 4:
                 level = r[:, :2] / np.linalg.norm(r[:, :2], axis=1, keepdims=True)
                 assert np.linalg.svd(level)[1][1] / np.sqrt(2) >= bound.constraint - EXACT
-                assert (sines >= np.array(bound.limb) - EXACT).all()
+                assert (normalised_levers >= np.array(bound.limb) - EXACT).all()
     assert promised > 12
     for travel in ([float("nan")] * len(q), [float("inf")] * len(q), [6.3] * len(q)):
-        nothing = robot.mechanism.guarantee(at, travel)
+        nothing = robot.mechanism.certified_bounds(at, travel)
         assert (*nothing.type1, nothing.type2, *nothing.limb) == (0.0,) * (len(q) + 1 + len(nothing.limb))
         assert not nothing.constraint > 0.0
 
@@ -456,7 +456,7 @@ def test_the_guarantee_tends_to_the_margins_as_the_box_shrinks(name):
     for q, x, _ in random_poses(robot, rng, 30, best=0.05):
         at = robot.mechanism.at(tuple(q.tolist()), tuple(x.tolist()), 1, (0.0, 1.0))
         for travel, near in ((1e-5, 0.02), (1e-8, 1e-4)):
-            bound = robot.mechanism.guarantee(at, [travel] * len(q))
+            bound = robot.mechanism.certified_bounds(at, [travel] * len(q))
             assert min(at.cos_pressure) - near <= bound.type2 <= min(at.cos_pressure) + 1e-12
             assert all(m - near <= b <= m + 1e-12 for m, b in zip(at.type1, bound.type1, strict=True))
 

@@ -10,9 +10,9 @@ from postures import random_joints
 
 import irsbot_kinematics as irs
 from irsbot_kinematics import Status
-from irsbot_kinematics.arithmetic import FLOATS
 from irsbot_kinematics.limbs import prpir_factors
 from irsbot_kinematics.mechanism import Mechanism
+from irsbot_kinematics.numerics.arithmetic import FLOATS
 
 FAMILY = ("orthoglide", "hybridglide", "triaglide", "uranesx")
 ROBOTS = {name: irs.make_robot(name) for name in (*FAMILY, "linear_delta")}
@@ -117,7 +117,7 @@ def printed_determinant(name, P, rho):
 def test_the_determinant_is_the_printed_polynomial(name):
     rng = np.random.default_rng(1)
     for q, P in zip(rng.uniform(0, 4, (50, 3)), rng.uniform(-2, 2, (50, 3)), strict=True):
-        A, _ = ROBOTS[name].jacobians(P, q)
+        A = np.array(ROBOTS[name].mechanism.legs(FLOATS, q, P).screws)  # of any joints and pose, as the polynomial is
         assert 8 * np.linalg.det(A) == pytest.approx(printed_determinant(name, P, q), abs=1e-12 * 100)
 
 
@@ -184,7 +184,17 @@ def test_the_posture_in_one_piece_is_the_posture_of_the_shared_equations_and_of_
             if at.status != Status.SOLVED or at.type2 < 1e-3:
                 continue
             assert at.working_mode == plain.working_mode == tuple(evs.working_mode[i])
-            for field in ("pose", "screws", "levers", "sines", "reach", "gaps", "cos_pressure", "det", "limb"):
+            for field in (
+                "pose",
+                "screws",
+                "levers",
+                "normalised_levers",
+                "reach",
+                "gaps",
+                "cos_pressure",
+                "det",
+                "limb",
+            ):
                 np.testing.assert_allclose(getattr(at, field), getattr(plain, field), atol=1e-11, err_msg=field)
             np.testing.assert_allclose(at.pose, evs.pose[i], atol=1e-11)
             np.testing.assert_allclose(at.type1, evs.type1_margin[i], atol=1e-11)
@@ -207,7 +217,7 @@ def test_the_reach_is_the_distance_to_where_a_rod_stands_across_its_rail(name):
                 assert np.linalg.norm(away) == pytest.approx(robot.mechanism.rod, abs=1e-9)
 
 
-def test_orthoglide_limbs_have_the_margin_of_their_factors_whatever_the_revolute_axis():
+def test_orthoglide_limbs_have_the_margin_of_their_factors_for_every_revolute_axis():
     """The parallelogram can only be flat where the leg is of Type 1 already."""
     robot, rng = ROBOTS["orthoglide"], np.random.default_rng(7)
     for q in random_joints(robot, rng, 100):
@@ -248,7 +258,7 @@ def test_the_guarantee_with_slack_holds_on_machines_whose_slides_are_that_wrong(
             if at.status != Status.SOLVED:
                 continue
             slack, travel = L * 10.0 ** rng.uniform(-4, -1.7), L * 10.0 ** rng.uniform(-4, -1.5, 3)
-            bound = robot.mechanism.guarantee(at, travel.tolist(), slack)
+            bound = robot.mechanism.certified_bounds(at, travel.tolist(), slack)
             if not bound.type2 > 0.0:
                 continue
             promised += 1

@@ -8,9 +8,19 @@ import numpy as np
 import pytest
 
 import irsbot_kinematics as irs
-from irsbot_kinematics.design import ERRATA, PARAMETERS, QUESTIONS, ZONES, Designs, answers, check, in_zone, moves
+from irsbot_kinematics.design import (
+    ERRATA,
+    PARAMETERS,
+    QUESTIONS,
+    ZONES,
+    Designs,
+    check,
+    evaluate_questions,
+    in_zone,
+    moves,
+)
 from irsbot_kinematics.design.proximal import holds
-from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2Geometry
+from irsbot_kinematics.mechanisms.irsbot2_space.geometry import Irsbot2Geometry
 
 MODES = ((1, -1), (-1, 1), (1, 1), (-1, -1))
 PAST = 1e-9
@@ -50,7 +60,7 @@ def test_the_default_robot_loses_its_free_half_when_the_half_base_turns_negative
     assert not check(geometry("irsbot2", beta=np.radians(12.1))).free_in((1, -1), below=True)
 
 
-def test_the_arcs_of_the_beta_45_preset_lie_where_the_sheet_says():
+def test_the_arcs_of_the_beta_45_preset_are_those_of_the_sheet():
     parts = [
         part
         for part in check(geometry("irsbot2_beta45")).loci
@@ -72,9 +82,9 @@ def test_the_parts_of_the_type_2_loci_are_those_of_a_joint_grid(robot):
         past = np.flatnonzero(np.diff(np.sign(np.abs(apart) - 2.0 * g.l2eq)))
         psi_1 = -np.angle(apart[past])
         for q_2, psi, middle in zip(q[past], psi_1, 0.5 * (elbow_1 + elbow_2[past]), strict=True):
-            sines = np.sin(q_1 - psi), -np.sin(q_2 - psi)
-            if np.abs(sines).min() > 0.02 and abs(middle.imag) > 0.01:
-                mode = tuple(int(sign) for sign in np.sign(sines))
+            normalised_levers = np.sin(q_1 - psi), -np.sin(q_2 - psi)
+            if np.abs(normalised_levers).min() > 0.02 and abs(middle.imag) > 0.01:
+                mode = tuple(int(sign) for sign in np.sign(normalised_levers))
                 found.setdefault((mode, bool(middle.imag < 0.0)), []).append(middle.imag - g.e)
     parts = {}
     for part in check(g).loci:
@@ -112,7 +122,7 @@ def test_the_verdict_changes_exactly_at_the_nearest_bounds(robot, zone):
         step = np.sign(move.then - move.now) * PAST
         columns = {name: [getattr(g, name)] * 2 for name in PARAMETERS}
         columns[move.parameter] = [move.then * (1.0 - step), move.then * (1.0 + step)]
-        found = answers(Designs.columns(columns))
+        found = evaluate_questions(Designs.columns(columns))
         assert in_zone(zone, found).tolist() == [free, not free]
         assert holds(move.question, found[move.question]).tolist() == [free, not free]
 
@@ -123,7 +133,7 @@ def test_nothing_nearer_changes_the_verdict():
         tried = np.linspace(2.0 * move.now - move.then, move.then, 10_001)[1:-1]
         columns = {name: tried if name == move.parameter else getattr(g, name) for name in PARAMETERS}
         d = Designs.columns(columns)
-        assert in_zone("strict", answers(d.where(d.valid))).all()
+        assert in_zone("strict", evaluate_questions(d.where(d.valid))).all()
 
 
 def test_the_nearest_bounds_of_the_strict_preset_in_closed_form():
@@ -156,7 +166,7 @@ def test_the_flow_ends_in_the_answers_of_the_zones():
             assert (answer[3], answer[4]) == (verdict.zones["z"], verdict.zones["wps"])
 
 
-def test_every_failed_question_says_both_values():
+def test_every_failed_question_has_both_values():
     for finding in check(geometry("irsbot2_csc")).failed():
         assert f"{finding.larger:.6g} against {finding.smaller:.6g} m" in finding.why
         assert QUESTIONS[finding.name].inequality in finding.why
@@ -199,7 +209,7 @@ def test_designs_that_no_machine_can_have_are_refused_with_the_inequality_and_bo
         assert not Designs.columns(columns).valid
 
 
-def test_every_erratum_says_where_what_and_what_instead():
+def test_every_erratum_has_place_statement_and_correction():
     for erratum in ERRATA.values():
         assert all(erratum)
         assert erratum.printed != erratum.correct

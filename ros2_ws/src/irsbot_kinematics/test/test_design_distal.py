@@ -17,8 +17,8 @@ from irsbot_kinematics.design import (
     singular_postures,
     table_3,
 )
-from irsbot_kinematics.design.distal import case_1_roots, shared_root
-from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2Geometry
+from irsbot_kinematics.mechanisms.irsbot2_space.distal import case_1_roots, shared_root
+from irsbot_kinematics.mechanisms.irsbot2_space.geometry import Irsbot2Geometry
 
 SHEET = 5e-9
 """Numbers printed with nine digits."""
@@ -167,7 +167,7 @@ def test_the_freedom_test_is_the_union_of_the_printed_cells_of_table_3():
 
 
 @pytest.mark.parametrize(("beta", "other"), [("beta2", "p3"), ("beta3", "p4")])
-def test_p8_passes_the_other_bounds_where_table_2_says(beta, other):
+def test_p8_passes_the_other_bounds_at_the_values_of_table_2(beta, other):
     below, above = (bounds(Designs.of(w3_with(beta=BETA[beta] + side))) for side in (-1e-6, 1e-6))
     assert below.p8 < getattr(below, other)
     assert above.p8 > getattr(above, other)
@@ -240,7 +240,7 @@ def test_the_margin_of_the_robot_in_space_vanishes_in_every_posture_of_random_de
         (W3, Kind.C1B, 3),
     ],
 )
-def test_the_platform_gains_the_rotation_that_is_said(g, kind, freedoms):
+def test_the_platform_gains_the_stated_rotation(g, kind, freedoms):
     for posture in of_kind(g, kind):
         d = space_design(g)
         legs = [space.leg(d, k, 0.0, posture.psi[k]) for k in (0, 1)]

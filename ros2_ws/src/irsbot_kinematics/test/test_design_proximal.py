@@ -13,15 +13,15 @@ from irsbot_kinematics.design import (
     ZONES,
     Designs,
     Kind,
-    answers,
+    evaluate_printed_zones,
+    evaluate_questions,
+    find_seats,
     in_zone,
-    printed,
-    reach,
-    seats,
+    reachability,
     singular_postures,
 )
 from irsbot_kinematics.design.proximal import Lengths, holds, slack
-from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2Geometry
+from irsbot_kinematics.mechanisms.irsbot2_space.geometry import Irsbot2Geometry
 
 SHEET = 5e-9
 SHEET_FOUR = 5e-5
@@ -64,10 +64,10 @@ def random_geometries(number, seed):
 @pytest.mark.parametrize("row", WORKED, ids=lambda row: f"l1={row[0]}, b={row[1]}")
 def test_every_row_of_the_worked_table(row):
     l1, b, *expected = row
-    found, said = answers(example(l1, b)), printed(example(l1, b))
+    found, stated = evaluate_questions(example(l1, b)), evaluate_printed_zones(example(l1, b))
     got = [
-        said["a"],
-        said["wac"],
+        stated["a"],
+        stated["wac"],
         in_zone("a", found),
         holds("opposite", found["opposite"]),
         holds("equal", found["equal"]),
@@ -81,7 +81,7 @@ def test_every_row_of_the_worked_table(row):
 
 def test_the_numbers_of_the_papers_example():
     d = example(0.1, 0.1)
-    place = seats(d)
+    place = find_seats(d)
     assert float(d.s1g) == pytest.approx(0.252132034, abs=SHEET)
     assert float(place["I1"].centre) == pytest.approx(0.3394, abs=SHEET_FOUR)
     assert float(place["I1"].height) ** 2 == pytest.approx(0.0149, abs=SHEET_FOUR)
@@ -91,11 +91,11 @@ def test_the_numbers_of_the_papers_example():
     assert float(d.s1g - d.l2eq) == pytest.approx(0.1021, abs=SHEET_FOUR)
 
 
-def test_what_the_printed_zone_of_the_example_lets_through():
+def test_the_printed_zone_of_the_example_contains_singular_designs():
     """About 35 % of its area reaches psi_I = psi_II + pi, 30 % psi_I = psi_II, and 12 % cannot be assembled."""
     l1, b = np.meshgrid((np.arange(400) + 0.5) / 1000.0, (np.arange(800) + 0.5) / 1000.0)
     d = example(l1, b)
-    found, area = answers(d), printed(d)["wps"]
+    found, area = evaluate_questions(d), evaluate_printed_zones(d)["wps"]
     assembled = holds("assembled", found["assembled"])
     opposite = assembled & ~holds("opposite", found["opposite"])
     equal = assembled & ~holds("equal", found["equal"])
@@ -107,7 +107,7 @@ def test_the_printed_reach_of_single_postures_is_exact_but_for_its_ends():
     """(56), (57) with the square root wherever it is real; the ends belong to what is reached."""
     l1, b = np.meshgrid(np.linspace(0.13, 0.5, 300), np.linspace(0.001, 0.9, 300))
     d = example(l1, b)
-    found, place = answers(d), seats(d)
+    found, place = evaluate_questions(d), find_seats(d)
     for name in ("I1", "I2"):
         half = np.sqrt(l1**2 - place[name].height ** 2)
         outside = (b < place[name].centre - half) | (b > place[name].centre + half)
@@ -117,12 +117,12 @@ def test_the_printed_reach_of_single_postures_is_exact_but_for_its_ends():
 @pytest.mark.parametrize(("l2eq", "kind", "name"), [(0.09, Kind.CASE_2, "II"), (0.30, Kind.CASE_3, "III")])
 def test_cases_2_and_3_of_the_sheet_need_the_same_arms(l2eq, kind, name):
     g = Irsbot2Geometry(l1=0.3, l2eq=l2eq, b=0.1, p=0.01, a1=0.2, a2=0.05, beta=np.pi / 4)
-    needed = answers(Designs.of(g))[name].larger[0]
+    needed = evaluate_questions(Designs.of(g))[name].larger[0]
     assert 2.0 * needed == pytest.approx(0.104706352, abs=SHEET)
     for posture in singular_postures(g):
         if posture.kind is kind:
-            assert reach(g, posture).slack == pytest.approx(needed - g.l1, abs=ROUNDING_M)
-    assert not in_zone("csc", answers(Designs.of(g)))[0]
+            assert reachability(g, posture).slack == pytest.approx(needed - g.l1, abs=ROUNDING_M)
+    assert not in_zone("csc", evaluate_questions(Designs.of(g)))[0]
 
 
 def test_the_seats_are_where_the_elbows_of_the_robot_in_space_have_to_be():
@@ -136,25 +136,25 @@ def test_the_seats_are_where_the_elbows_of_the_robot_in_space_have_to_be():
     }
     seen = set()
     for g in random_geometries(300, seed=3):
-        d, found = space.Design(**vars(g)), answers(Designs.of(g))
+        d, found = space.Design(**vars(g)), evaluate_questions(Designs.of(g))
         for posture in singular_postures(g):
             legs = [space.leg(d, k, 0.0, posture.psi[k]) for k in (0, 1)]
             elbows = [at.B - space.platform_point(d, k, at) for k, at in enumerate(legs)]
             bridge = elbows[1] - elbows[0] - np.array([2.0 * g.b, 0.0, 0.0])
             half = 0.5 * float(np.linalg.norm(bridge))
             assert any(found[name].larger[0] == pytest.approx(half, abs=1e-9) for name in names[posture.kind])
-            assert reach(g, posture).slack == pytest.approx(half - g.l1, abs=1e-9)
+            assert reachability(g, posture).slack == pytest.approx(half - g.l1, abs=1e-9)
             seen.add(posture.kind)
     assert seen == set(Kind)
 
 
-def test_the_arms_hold_every_posture_that_is_said_to_be_held():
+def test_the_arms_hold_every_posture_that_is_listed_as_held():
     """In space: both legs put the platform at the same point, and the law of cosines gives the same q in that mode."""
     held = 0
     for g in random_geometries(150, seed=4):
         d = space.Design(**vars(g))
         for posture in singular_postures(g):
-            for place in reach(g, posture).placements:
+            for place in reachability(g, posture).placements:
                 points = [space.platform_point(d, k, space.leg(d, k, place.joints[k], posture.psi[k])) for k in (0, 1)]
                 expected = np.array([place.pose[0], 0.0, place.pose[1]])
                 assert np.abs(np.array(points) - expected).max() < 1e-9
@@ -166,10 +166,10 @@ def test_the_arms_hold_every_posture_that_is_said_to_be_held():
     assert held > 400
 
 
-def test_the_papers_constraint_singularity_is_held_where_the_sheet_says():
+def test_the_papers_constraint_singularity_is_held_at_the_pose_of_the_sheet():
     g = geometry("irsbot2_csc")
     postures = [posture for posture in singular_postures(g) if posture.kind is Kind.CASE_1]
-    places = [place for posture in postures for place in reach(g, posture).placements]
+    places = [place for posture in postures for place in reachability(g, posture).placements]
     place = min(places, key=lambda place: abs(place.joints[0] - 1.959445438))
     assert place.pose == pytest.approx((0.106562932, -0.189123749), abs=SHEET)
     assert place.joints == pytest.approx((1.959445438, 0.155916281), abs=SHEET)
@@ -177,11 +177,11 @@ def test_the_papers_constraint_singularity_is_held_where_the_sheet_says():
     assert place.assembly_mode == 0
 
 
-def test_the_default_robot_holds_c1a_only_where_the_sheet_says():
+def test_the_default_robot_holds_c1a_only_at_the_poses_of_the_sheet():
     g = geometry("irsbot2")
     found = {}
     for posture in singular_postures(g):
-        for place in reach(g, posture).placements:
+        for place in reachability(g, posture).placements:
             assert posture.kind is Kind.C1A
             assert place.pose[0] == pytest.approx(0.0, abs=ROUNDING_M)
             found.setdefault(place.working_mode, []).append(place.pose[1])
@@ -195,11 +195,11 @@ def test_arms_above_the_elbows_hold_c1a_at_every_angle():
     g = Irsbot2Geometry(l1=0.3, l2eq=0.5, b=0.05 + 0.05 * np.sin(0.7), p=0.05, a1=0.2, a2=0.05, beta=0.7)
     for posture in singular_postures(g):
         if posture.kind is Kind.C1A:
-            assert reach(g, posture).anywhere
-    assert not in_zone("strict", answers(Designs.of(g)))[0]
+            assert reachability(g, posture).anywhere
+    assert not in_zone("strict", evaluate_questions(Designs.of(g)))[0]
 
 
-def test_what_just_touches_a_singularity_reaches_it_and_what_just_closes_is_assembled():
+def test_touching_a_singularity_counts_as_reaching_it_and_just_closing_as_assembled():
     touching = Lengths(np.array([0.25]), np.array([0.25]))
     for name in QUESTIONS:
         assert bool(holds(name, touching)[0]) is (name == "assembled")
@@ -208,14 +208,14 @@ def test_what_just_touches_a_singularity_reaches_it_and_what_just_closes_is_asse
 @pytest.mark.parametrize(("shift", "free"), [(1e-9, True), (-1e-9, False)])
 def test_a_posture_is_out_of_reach_as_soon_as_the_arms_are_too_short(shift, free):
     lengths = {"l1": 0.25, "l2eq": 0.5, "p": 0.0625, "a1": 0.25, "a2": 0.125, "beta": 0.5}
-    found = answers(Designs.columns({**lengths, "b": 0.0625 + 0.125 * np.sin(0.5) + 0.25 + shift}))
+    found = evaluate_questions(Designs.columns({**lengths, "b": 0.0625 + 0.125 * np.sin(0.5) + 0.25 + shift}))
     assert bool(holds("C1a", found["C1a"])) is free
 
 
 def test_the_zones_are_nested_and_the_slack_has_the_sign_of_the_answer():
     rng = np.random.default_rng(6)
     d = Designs.columns({**EXAMPLE, "l1": rng.uniform(0.01, 0.5, 5000), "b": rng.uniform(0.01, 0.8, 5000)})
-    found = answers(d)
+    found = evaluate_questions(d)
     assert set(found) == set(QUESTIONS)
     inside = {zone: in_zone(zone, found) for zone in ZONES}
     for smaller, larger in (("strict", "wps"), ("wps", "z"), ("wps", "wac"), ("z", "a"), ("z", "csc"), ("csc", "i")):
@@ -227,7 +227,7 @@ def test_the_zones_are_nested_and_the_slack_has_the_sign_of_the_answer():
 def test_no_pose_of_the_strict_design_comes_near_a_singularity():
     """Section 9 of the sheet, by scan of the robot in space: cos alpha >= 0.236, kappa >= 0.21 in all modes."""
     g = geometry("irsbot2_strict")
-    assert in_zone("strict", answers(Designs.of(g)))[0]
+    assert in_zone("strict", evaluate_questions(Designs.of(g)))[0]
     d = space.Design(**vars(g))
     q = np.linspace(-np.pi, np.pi, 240, endpoint=False)
     cosines, margins = [], []

@@ -11,8 +11,8 @@ import yaml
 from postures import NAMES, ROBOTS
 
 import irsbot_kinematics as irs
+from irsbot_kinematics.description.robot_file import fingerprint, read_robot
 from irsbot_kinematics.mechanisms import TOPOLOGIES
-from irsbot_kinematics.robot_file import fingerprint, read_robot
 
 DEFAULT = {"l1": 0.375, "l2eq": 0.825, "b": 0.1375, "p": 0.05, "a1": 0.42, "a2": 0.03, "beta": 0.2, "e": 0.0}
 PRESETS = resources.files("irsbot_kinematics").joinpath("presets")
@@ -35,6 +35,7 @@ BAD = [
     ("five_bar", {"l2": -1.0}, "l2 > 0", "-1", ""),
     ("five_bar", {"b": nan}, "b must be finite", "nan", ""),
     ("five_bar", {"b": 1.3}, "b <= l1 + l2", "1.3", "1.2"),
+    *((name, {"limits": (-0.1, 0.9)}, "limits[0] >= 0", "-0.1", "") for name in ("rpr3", "rails2")),
 ]
 
 
@@ -78,7 +79,7 @@ def test_an_unknown_robot_is_refused_with_the_known_names(name):
 
 
 @pytest.mark.parametrize("name", ["irsbot2.yml", "/nowhere/robot.yaml"])
-def test_a_robot_file_that_is_not_there_is_said_to_be_missing(name):
+def test_a_missing_robot_file_is_reported_as_missing(name):
     with pytest.raises(irs.BadInput, match=f"^{name}: there is no such file$"):
         irs.load_robot(name)
 
@@ -88,23 +89,23 @@ def test_a_robot_file_that_is_not_there_is_said_to_be_missing(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_shipped_preset_reads_with_a_source_for_every_number(name):
-    said = yaml.safe_load(PRESETS.joinpath(f"{name}.yaml").read_text(encoding="utf-8"))
-    assert said["mechanism"] in TOPOLOGIES
-    assert said["description"]
-    assert "\n" not in said["description"].strip()
-    for key, entry in said["geometry"].items():
+    stated = yaml.safe_load(PRESETS.joinpath(f"{name}.yaml").read_text(encoding="utf-8"))
+    assert stated["mechanism"] in TOPOLOGIES
+    assert stated["description"]
+    assert "\n" not in stated["description"].strip()
+    for key, entry in stated["geometry"].items():
         assert set(entry) == {"value", "source"}, key
         values = entry["value"] if isinstance(entry["value"], list) else [entry["value"]]
         assert all(type(value) is float for value in values), f"{key}: 1 in YAML is not a double"
         assert len(entry["source"]) > 3
-    assert set(said["usual"]) == {"working_mode", "assembly_mode"}
+    assert set(stated["usual"]) == {"working_mode", "assembly_mode"}
     mechanism = ROBOTS[name].mechanism
-    assert mechanism.kind == said["mechanism"]
-    for key, entry in said["geometry"].items():
+    assert mechanism.kind == stated["mechanism"]
+    for key, entry in stated["geometry"].items():
         value = getattr(mechanism.geometry, key)
         assert value == (tuple(entry["value"]) if isinstance(entry["value"], list) else entry["value"])
-    assert list(mechanism.usual_working_mode) == said["usual"]["working_mode"]
-    assert mechanism.usual_assembly_mode == said["usual"]["assembly_mode"]
+    assert list(mechanism.usual_working_mode) == stated["usual"]["working_mode"]
+    assert mechanism.usual_assembly_mode == stated["usual"]["assembly_mode"]
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -158,11 +159,11 @@ MALFORMED = [
     (f"{{mechanism: irsbot2, geometry: {LENGTHS.replace('0.3', 'yes')}}}", "geometry.l1 must be a number"),
     (f"{{mechanism: irsbot2, geometry: {LENGTHS.replace('0.3', '{source: me}')}}}", "geometry.l1 must be a number"),
     (f"{{mechanism: irsbot2, geometry: {LENGTHS.replace('0.3', '.nan')}}}", "l1 must be finite"),
-    (f"{{mechanism: irsbot2, geometry: {LENGTHS.replace('0.3', '[0.3]')}}}", "l1 must be finite"),
+    (f"{{mechanism: irsbot2, geometry: {LENGTHS.replace('0.3', '[0.3]')}}}", "l1 must be a number"),
     (f"{{mechanism: irsbot2, geometry: {LENGTHS.replace('0.3', '[[0.3]]')}}}", "geometry.l1 must be a number"),
     ("{mechanism: orthoglide, geometry: {L: 2.0, limits: 4.0}}", "limits must be 2 numbers"),
     ("{mechanism: orthoglide, geometry: {L: 2.0, limits: [0.0, 1.0, 4.0]}}", "limits must be 2 numbers"),
-    ("{mechanism: orthoglide, geometry: {L: [2.0, 2.0], limits: [0.0, 4.0]}}", "L must be finite"),
+    ("{mechanism: orthoglide, geometry: {L: [2.0, 2.0], limits: [0.0, 4.0]}}", "L must be a number"),
     ("{mechanism: orthoglide, geometry: {L: 2.0, limits: [0.0, .nan]}}", "limits must be finite"),
     (f"{{mechanism: irsbot2, geometry: {LENGTHS.replace('0.3', '-0.3')}}}", "l1 > 0"),
     (f"{{mechanism: irsbot2, geometry: {LENGTHS.replace('0.3', '1' + '0' * 400)}}}", "l1"),

@@ -31,7 +31,7 @@ def test_no_margin_of_a_machine_that_is_off_in_everything_is_below_the_guarantee
             continue
         slack = robot.mechanism.length_m * 10.0 ** rng.uniform(-6.0, -2.3)
         travel = rng.integers(0, 2) * random_travel(robot, at, rng)  # of half of them nothing but the geometry is off
-        bound = robot.mechanism.guarantee(at, travel.tolist(), slack)
+        bound = robot.mechanism.certified_bounds(at, travel.tolist(), slack)
         if not bound.type2 > 0.0:
             continue
         promised += 1
@@ -43,7 +43,7 @@ def test_no_margin_of_a_machine_that_is_off_in_everything_is_below_the_guarantee
     assert lost > 0.25, "what is met is far from what is allowed: the attack does not bite"
 
 
-def test_kappa_falls_at_fixed_directions_of_the_rods_by_no_more_than_is_said():
+def test_kappa_falls_at_fixed_directions_of_the_rods_by_no_more_than_its_bound():
     rng, nearest = np.random.default_rng(64), 0.0
     for number in range(60):
         robot = ROBOTS["irsbot2_beta45"] if number % 2 else random_machine("irsbot2", rng)
@@ -73,7 +73,7 @@ def test_five_bar_with_every_length_off_the_worst_way():
         for assembly in (1, -1):
             at = robot.mechanism.posture(tuple(joints.tolist()), assembly)
             if at.status == irs.Status.SOLVED and at.type2 > 0.1:
-                bound = robot.mechanism.guarantee(at, (0.0, 0.0), s)
+                bound = robot.mechanism.certified_bounds(at, (0.0, 0.0), s)
                 there = other.mechanism.posture(tuple(joints.tolist()), assembly)
                 assert there.type2 >= bound.type2 - ROUNDING
                 assert min(np.subtract(there.type1, bound.type1)) >= -ROUNDING
@@ -90,10 +90,10 @@ def test_a_slack_that_tends_to_nothing_costs_nothing_and_one_that_is_no_number_l
             continue
         tried += 1
         n = len(at.joints)
-        exact, nearly = (robot.mechanism.guarantee(at, (1e-9,) * n, slack) for slack in (0.0, 1e-12))
+        exact, nearly = (robot.mechanism.certified_bounds(at, (1e-9,) * n, slack) for slack in (0.0, 1e-12))
         np.testing.assert_allclose(columns(nearly), columns(exact), atol=1e-6)
         for bad in (float("nan"), float("inf"), 10.0 * robot.mechanism.length_m):
-            bound = robot.mechanism.guarantee(at, (0.0,) * n, bad)
+            bound = robot.mechanism.certified_bounds(at, (0.0,) * n, bad)
             assert bound.type2 == 0.0
             assert not any(value > 0.0 for value in (*bound.type1, bound.constraint))
     assert tried > 3

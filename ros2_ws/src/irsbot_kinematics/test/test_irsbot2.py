@@ -10,9 +10,9 @@ from irsbot2_3d import Design
 from singular_points import constraint_points, distal_postures, held_by_arms, parallel_rods, rods_in_line
 
 import irsbot_kinematics as irs
-from irsbot_kinematics import planar_measures as measures
-from irsbot_kinematics.arithmetic import ARRAYS
-from irsbot_kinematics.mechanisms.planar_pair import coincident_elbows
+from irsbot_kinematics.analysis import planar_indices as measures
+from irsbot_kinematics.mechanisms.planar_loop import coincident_elbows
+from irsbot_kinematics.numerics.arithmetic import ARRAYS
 
 PRINTED = 1e-8
 """Half a unit of the last printed place, and some rounding."""
@@ -55,7 +55,7 @@ def test_each_working_mode_of_the_worked_pose(robot, mode, q1, q2, psi1, psi2, s
     at = at_pose(robot, P, mode)
     assert at.pose == near(P)
     assert robot.mechanism.rod_angles(at) == near((psi1, psi2))
-    assert at.sines == near((s1, s2))
+    assert at.normalised_levers == near((s1, s2))
     assert at.det == near(s12)
     assert at.type2 == near(abs(s12))
     assert (at.working_mode, at.assembly_mode) == (mode, 1 if s12 > 0 else -1)
@@ -160,7 +160,7 @@ def test_coincident_elbows_leave_the_platform_on_a_circle_and_no_pose_is_returne
         assert elbow == near((0.0, -np.sign(joints[0]) * 0.374716933))
 
 
-def test_a_pose_out_of_reach_says_how_far(robot):
+def test_a_pose_out_of_reach_has_its_distance(robot):
     """W2: P = (0, -1.25) is 50.084885 mm outside, for both legs and in every mode."""
     for mode, *_ in W1_MODES:
         with pytest.raises(irs.Unreachable, match=r"unreachable by 50\.08 mm") as raised:
@@ -308,7 +308,9 @@ def test_clearance_is_never_larger_than_the_distance_to_a_type_2_locus_of_the_sa
     places: dict[tuple[int, ...], list[tuple[float, float]]] = {mode: [] for mode in robot.mechanism.working_modes}
     for curve in (parallel_rods(design_of(robot), 1500), rods_in_line(design_of(robot), 3000)):
         legs = robot.mechanism.legs(ARRAYS, tuple(curve.q.T), (curve.x, curve.z))
-        for signs, place in zip(np.sign(np.array(legs.sines).T), zip(curve.x, curve.z, strict=True), strict=True):
+        for signs, place in zip(
+            np.sign(np.array(legs.normalised_levers).T), zip(curve.x, curve.z, strict=True), strict=True
+        ):
             places.get(tuple(signs.astype(int)), []).append(place)
     compared, tight = 0, inf
     for q in rng.uniform(-pi, pi, (600, 2)).tolist():

@@ -12,8 +12,9 @@ from scipy.optimize import least_squares
 from singular_points import constraint_points, held_by_arms
 
 import irsbot_kinematics as irs
-from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2, Irsbot2Geometry
+from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2
 from irsbot_kinematics.mechanisms.irsbot2 import _largest_normal_turn as largest_normal_turn
+from irsbot_kinematics.mechanisms.irsbot2_space.geometry import Irsbot2Geometry
 
 MARGIN_TOL = 1e-9
 RANK_TOL = 1e-7
@@ -134,9 +135,9 @@ def test_all_margins_equal_those_of_the_robot_in_space_for_random_designs():
             compared += int(on.sum())
             if not on.any():
                 continue
-            sines = [np.sin(q[on, k] - psi[on]) for k, psi in enumerate((psi1, psi2))]
+            normalised_levers = [np.sin(q[on, k] - psi[on]) for k, psi in enumerate((psi1, psi2))]
             assert np.abs(evs.pose[on] - np.stack([x, z], axis=1)[on]).max() < 1e-10
-            assert np.abs(evs.type1_margin[on] - np.abs(sines).T).max() < MARGIN_TOL
+            assert np.abs(evs.type1_margin[on] - np.abs(normalised_levers).T).max() < MARGIN_TOL
             assert np.abs(evs.type2_margin[on] - np.abs(np.sin(psi1 - psi2)[on])).max() < MARGIN_TOL
             assert np.abs(evs.constraint_margin[on] - space.kappa(d, psi1[on], psi2[on])).max() < MARGIN_TOL
     assert compared > 5000
@@ -248,4 +249,4 @@ def test_nothing_is_promised_for_the_constraint_margin_if_a_leg_can_vanish():
     for q in ((0.2, 0.5), (-0.5, -0.1)):
         at = robot.posture(q)
         assert at.constraint > 0.0
-        assert mechanism.guarantee(at, (1e-9, 1e-9)).constraint == 0.0
+        assert mechanism.certified_bounds(at, (1e-9, 1e-9)).constraint == 0.0

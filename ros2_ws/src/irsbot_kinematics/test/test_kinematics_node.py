@@ -22,13 +22,9 @@ from irsbot_msgs.srv import EvaluateJoints, SolveDirect, SolveInverse
 from rclpy.executors import SingleThreadedExecutor
 
 from irsbot_msgs_py.records import Cause, Level
-from irsbot_supervisor.suite import free_domain
+from irsbot_supervisor.processes.suite import free_domain
 
-pytestmark = [
-    pytest.mark.ros,
-    # rclpy reads .idl files with a version of lark that still imports this module
-    pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning"),
-]
+pytestmark = pytest.mark.ros
 
 PATIENCE_S = 120.0
 """Longest wait for an answer: far more than it takes, on the slowest machine."""
@@ -168,7 +164,7 @@ def test_joints_without_a_pose_without_an_answer_or_without_sense_each_get_their
         (W1, (1, -1, 1), "working mode"),
     ],
 )
-def test_an_inverse_request_that_makes_no_sense_is_invalid_and_says_why(irsbot2: Client, poses, mode, words):
+def test_a_malformed_inverse_request_is_invalid_with_a_reason(irsbot2: Client, poses, mode, words):
     answer = irsbot2.inverse(*poses, mode=mode)
     assert set(answer.status) == {INVALID}
     assert all(map(math.isnan, answer.joints))
@@ -185,7 +181,7 @@ def test_an_inverse_request_that_makes_no_sense_is_invalid_and_says_why(irsbot2:
         ((2.5, -0.2), 0, (NAN, 0.0), "seed"),
     ],
 )
-def test_a_direct_request_that_makes_no_sense_is_invalid_and_says_why(irsbot2: Client, joints, mode, seed, words):
+def test_a_malformed_direct_request_is_invalid_with_a_reason(irsbot2: Client, joints, mode, seed, words):
     answer = irsbot2.direct(*joints, mode=mode, seed=seed)
     assert set(answer.status) == {INVALID}
     assert all(map(math.isnan, answer.poses))
@@ -205,7 +201,7 @@ def test_margins_of_many_postures_are_states_without_limits(irsbot2: Client):
 
 
 @pytest.mark.parametrize(("joints", "mode"), [((), 0), ((1.0,), 0), ((1.0, 2.0, 3.0), 0), ((2.5, -0.2), 7)])
-def test_an_evaluation_that_makes_no_sense_has_no_states_and_says_why(irsbot2: Client, joints, mode):
+def test_a_malformed_evaluation_has_no_states_and_a_reason(irsbot2: Client, joints, mode):
     answer = irsbot2.evaluate(*joints, mode=mode)
     assert not answer.states
     assert answer.message
@@ -268,7 +264,7 @@ def test_a_request_that_is_too_large_is_refused_at_once_with_the_limit(irsbot2: 
     assert len(results) == 0
 
 
-def test_a_request_that_takes_too_long_ends_and_says_how_far_it_came():
+def test_a_request_that_takes_too_long_ends_with_its_progress():
     """One posture of this robot takes about a millisecond."""
     with served("ruu4") as client:
         answer = client.evaluate(*([0.1] * (4 * 20_000)))

@@ -67,7 +67,7 @@ def test_the_direct_kinematics_gives_back_the_pose_in_exactly_one_assembly_mode(
                 found.append(mode)
         A, _ = unit_jacobians(*closure_of(name), q, s.x)
         singular = abs(np.linalg.det(A)) < 1e-6 * robot.mechanism.length_m  # then two modes meet
-        assert len(found) == 1 or (singular and (found or not robot.mechanism.labels_hold))
+        assert len(found) == 1 or (singular and (found or not robot.mechanism.label_is_invariant))
 
 
 @every_robot
@@ -98,9 +98,9 @@ def test_jacobians_are_the_gradients_of_the_closure_per_unit_of_force(name, data
 
 
 def calm(robot, s: Sample, rates):
-    """Rates at which the platform is no faster than 10 m/s or rad/s: the truncation of the stencils grows with its
+    """Rates at which the platform is no faster than 5 m/s or rad/s: the truncation of the stencils grows with its
     fifth power, and a small det A makes a platform fast."""
-    return rates / max(1.0, np.abs(robot.velocity(s.x, s.q, rates)).max() / 10.0)
+    return rates / max(1.0, np.abs(robot.velocity(s.x, s.q, rates)).max() / 5.0)
 
 
 def motion(s: Sample, rates, accelerations):
@@ -192,12 +192,12 @@ def test_the_largest_leg_force_is_the_largest_over_all_directions_of_the_load(na
     turns = robot.mechanism.task[-1].is_angle
     A, _ = unit_jacobians(*closure_of(name), s.q, s.x)
     tried = worst_forces(A, turns, force, moment)
-    said = robot.reaction_max(s.x, s.q, force, moment)
+    stated = robot.reaction_max(s.x, s.q, force, moment)
     spacing = np.deg2rad(0.05) if len(s.x) - turns == 2 else 0.02  # no direction is farther from a tried one
-    assert (tried <= said * (1 + 1e-9)).all()
-    assert (tried >= said * (1 - spacing**2)).all()
+    assert (tried <= stated * (1 + 1e-9)).all()
+    assert (tried >= stated * (1 - spacing**2)).all()
     at = robot.evaluate(s.q, s.assembly, force=force, moment=moment)
-    np.testing.assert_allclose(at.reaction_max, said, rtol=1e-9)
+    np.testing.assert_allclose(at.reaction_max, stated, rtol=1e-9)
 
 
 @pytest.mark.parametrize("name", [name for name in NAMES if not ROBOTS[name].mechanism.task[-1].is_angle])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from irsbot_kinematics import BadInput, limbs
-from irsbot_kinematics.arithmetic import ARRAYS, FLOATS
+from irsbot_kinematics.numerics.arithmetic import ARRAYS, FLOATS
 
 Z = np.array([0.0, 0.0, 1.0])
 ROUNDING = 1e-12
@@ -133,9 +133,9 @@ def test_the_determinant_falls_with_the_square_of_the_angle_from_the_vertical(ps
     """Sheet: AB at 0.3 rad, m at 0.5 rad, unit lengths; BC leaves the vertical across m."""
     ab, m = np.array([cos(0.3), sin(0.3), 0.0]), np.array([cos(0.5), sin(0.5), 0.0])
     bc = sin(psi) * np.cross(Z, m) + cos(psi) * Z
-    said = limbs.ruu_factors(FLOATS, ab.tolist(), bc.tolist(), (0.0, 0.0, 1.0))[1]
+    stated = limbs.ruu_factors(FLOATS, ab.tolist(), bc.tolist(), (0.0, 0.0, 1.0))[1]
     value = abs(np.linalg.det(limbs.ruu_jacobian(np.zeros(3), ab, ab + bc, Z, m, (0.0, 0.0, 0.0))))
-    assert said == pytest.approx(f2, abs=5e-5)
+    assert stated == pytest.approx(f2, abs=5e-5)
     assert value == pytest.approx(det, rel=0.01)
 
 
@@ -152,13 +152,13 @@ RUU_SINGULAR = {  # B relative to A, C relative to B, m; the words that must com
 
 
 @pytest.mark.parametrize("words", RUU_SINGULAR)
-def test_an_ruu_limb_is_singular_in_each_listed_way_and_says_so_in_words(words):
+def test_an_ruu_limb_is_singular_under_each_listed_condition(words):
     ab, bc, m = (np.array(vector) for vector in RUU_SINGULAR[words])
     a = np.array([0.3, -0.2, 0.1])
     assert ruu_rank(a, a + ab, a + ab + bc, m) == 4
     assert limbs.limb_margin(limbs.ruu_twists(a, a + ab, a + ab + bc, Z, m), 1.0, a) < ROUNDING
-    said = {c.words: c.value for c in limbs.ruu_conditions(a, a + ab, a + ab + bc, Z)}
-    assert said[words] < ROUNDING
+    stated = {c.words: c.value for c in limbs.ruu_conditions(a, a + ab, a + ab + bc, Z)}
+    assert stated[words] < ROUNDING
     assert min(limbs.ruu_factors(FLOATS, unit(ab).tolist(), unit(bc).tolist(), (0.0, 0.0, 1.0))) < ROUNDING
 
 
@@ -184,15 +184,15 @@ PRPIR_SINGULAR = {  # l in the frame (x, y, z)
 
 
 @pytest.mark.parametrize("words", PRPIR_SINGULAR)
-def test_a_prpir_limb_is_singular_in_each_listed_way_and_says_so_in_words(words):
+def test_a_prpir_limb_is_singular_under_each_listed_condition(words):
     l, rank = PRPIR_SINGULAR[words]
     x, a = np.array([1.0, 0.0, 0.0]), np.array([0.4, 0.1, -0.3])
     c = a + 1.7 * np.array(l)
     twists = limbs.prpir_twists(a, c, x, Z, np.cross(Z, l))
     assert np.linalg.matrix_rank(twists, tol=1e-9) == rank
     assert limbs.limb_margin(twists, 1.7, a) < ROUNDING
-    said = {condition.words: condition.value for condition in limbs.prpir_conditions(a, c, x, Z)}
-    assert said[words] < ROUNDING
+    stated = {condition.words: condition.value for condition in limbs.prpir_conditions(a, c, x, Z)}
+    assert stated[words] < ROUNDING
 
 
 def test_a_flat_parallelogram_is_singular_too_and_its_rank_depends_on_the_normal():

@@ -42,7 +42,7 @@ def test_regular_postures_are_right_to_rounding(preset):
         compared += 1
         x, z, psi1, psi2 = exact.direct(g, q, assembly)
         assert error(at.pose, (x, z)) < 20 * EPS
-        assert error(at.sines, (mp.sin(q[0] - psi1), mp.sin(q[1] - psi2))) < 100 * EPS
+        assert error(at.normalised_levers, (mp.sin(q[0] - psi1), mp.sin(q[1] - psi2))) < 100 * EPS
         assert error([at.det], [mp.sin(psi1 - psi2)]) < 100 * EPS
         assert error([at.constraint], [exact.kappa(g, psi1, psi2)]) < 200 * EPS
         assert (

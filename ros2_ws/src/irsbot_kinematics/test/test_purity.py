@@ -1,4 +1,4 @@
-"""The core imports without ROS, and nothing depends on itself: packages on packages, modules on modules."""
+"""The core imports without ROS, nothing depends on itself, and no folder depends on one above it."""
 
 from __future__ import annotations
 
@@ -16,12 +16,24 @@ import pytest
 SRC = Path(__file__).parents[2]
 PACKAGES = ("irsbot_kinematics", "irsbot_msgs_py", "irsbot_supervisor")
 PURE = {
-    # package: modules and subpackages that are importable without ROS; "" is all of it
+    # package: folders and modules that are importable without ROS; "" is all of it
     "irsbot_kinematics": ("",),
     "irsbot_msgs_py": ("records", "stamps", "cdr", "health"),
-    "irsbot_supervisor": ("core", "sim", "tape", "replay", "columns", "settings_file", "mcap_reader", "mcap_writer"),
+    "irsbot_supervisor": ("core", "configuration", "trajectory", "gate", "bag", "replay", "sim"),
 }
 SHELLS = ("nodes",)
+LAYERS = (
+    # folders of irsbot_supervisor from the lowest to the highest; those of one line do not know one another
+    ("core",),
+    ("trajectory", "configuration", "bag"),
+    ("gate",),
+    ("processes", "replay"),
+    ("sim", "plots", "report"),
+    ("live", "fleet"),
+    ("nodes",),
+    ("validation",),
+    ("cli",),
+)
 ROS_NAMES = {"ament_index_python", "launch", "launch_ros", "irsbot_msgs"}
 
 pytestmark = pytest.mark.skipif(
@@ -58,7 +70,7 @@ def test_the_list_of_pure_modules_is_not_empty_by_mistake():
     names = pure_modules()
     assert len(names) > 30
     assert {"irsbot_kinematics.robot", "irsbot_kinematics.design.check", "irsbot_msgs_py.records"} <= set(names)
-    assert "irsbot_supervisor.core.pipeline" in names
+    assert "irsbot_supervisor.core.supervisor" in names
     assert not any(".nodes" in name for name in names)
 
 
@@ -87,32 +99,17 @@ def test_the_test_would_notice_ros():
     assert not is_ros("irsbot_msgs_py.records")
 
 
-def imported(file: Path, name: str, *, at_import: bool) -> set[str]:
-    """Absolute names of modules that a file imports; at_import: only what runs when the file is imported."""
-    tree = ast.parse(file.read_text(encoding="utf-8"))
+def imported(file: Path, name: str) -> set[str]:
+    """Absolute names of modules that a file imports anywhere: also in functions and for type checkers."""
     package = name if file.name == "__init__.py" else name.rpartition(".")[0]
     found: set[str] = set()
-    nodes = _executed(tree.body) if at_import else list(ast.walk(tree))
-    for node in nodes:
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             base = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
             source = ".".join([*base, *([node.module] if node.module else [])])
             found |= {source, *(f"{source}.{alias.name}" for alias in node.names)}
-    return found
-
-
-def _executed(body: list[ast.stmt]) -> list[ast.stmt]:
-    """Statements that run on import: not those in functions, nor those for type checkers."""
-    found: list[ast.stmt] = []
-    for node in body:
-        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
-            continue
-        found.append(node)
-        for part in ("body", "orelse", "finalbody"):
-            if not isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)):
-                found += _executed(getattr(node, part, []))
     return found
 
 
@@ -127,7 +124,7 @@ def test_packages_declare_what_they_import_of_one_another_and_form_no_cycle():
     for package in PACKAGES:
         uses: set[str] = set()
         for name, file in modules(package).items():
-            uses |= {module.split(".")[0] for module in imported(file, name, at_import=False)}
+            uses |= {module.split(".")[0] for module in imported(file, name)}
         uses = (uses & ours) - {package}
         assert uses <= declared(package), f"{package}: package.xml does not name {uses - declared(package)}"
         graph[package] = uses | (declared(package) & ours)
@@ -137,12 +134,37 @@ def test_packages_declare_what_they_import_of_one_another_and_form_no_cycle():
 
 
 @pytest.mark.parametrize("package", PACKAGES)
-def test_no_module_needs_itself_to_be_imported(package):
+def test_no_module_depends_on_itself_whenever_it_imports(package):
     files = modules(package)
     graph = {}
     for name, file in files.items():
-        needs = (imported(file, name, at_import=True) & set(files)) - {name}
+        needs = (imported(file, name) & set(files)) - {name}
         # A package imports its members, which may name the package: it is there already, and empty.
         needs = {need for need in needs if not name.startswith(f"{need}.")}
         graph[name] = needs
     assert len(list(TopologicalSorter(graph).static_order())) >= len(files)
+
+
+def test_no_folder_of_the_supervisor_depends_on_one_above_or_beside_it():
+    package = "irsbot_supervisor"
+    height = {folder: level for level, folders in enumerate(LAYERS) for folder in folders}
+    files = modules(package)
+    seen = set()
+    wrong = []
+    for name, file in files.items():
+        folder = name.split(".")[1] if name.count(".") > 1 else ""
+        if folder not in height:
+            continue
+        seen.add(folder)
+        for need in imported(file, name) & set(files):
+            other = need.split(".")[1] if need.count(".") else ""
+            if other != folder and other in height and height[other] >= height[folder]:
+                wrong.append(f"{name} imports {need}")
+    assert seen == set(height), "a folder is missing"
+    assert sorted(wrong) == []
+
+
+def test_every_folder_of_the_supervisor_has_its_layer():
+    root = SRC / "irsbot_supervisor" / "irsbot_supervisor"
+    folders = {file.parent.name for file in root.glob("*/__init__.py")}
+    assert folders == {folder for folders in LAYERS for folder in folders}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from irsbot_kinematics.quadratics import Quadratic, terms
+from irsbot_kinematics.bounds.quadratics import Quadratic, terms
 
 SAMPLES = 400
 
@@ -38,7 +38,7 @@ def values(quantity, at, e):
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 4])
-def test_products_sums_and_sizes_hold_whatever_the_joints_and_the_rests_are(n):
+def test_products_sums_and_sizes_hold_for_all_joints_and_remainders(n):
     rng, used = np.random.default_rng(50), []
     for m in [0, n] * 30:
         a, b = random_quantities(rng, n, m, 2, 3), random_quantities(rng, n, m, 1, 3)
@@ -49,9 +49,14 @@ def test_products_sums_and_sizes_hold_whatever_the_joints_and_the_rests_are(n):
         off = np.abs(x * y - values(product, at, 0.0 * e))
         assert (off <= product.rest + 1e-12).all()
         used.append((off.max(0) / (product.rest + 1e-12)).max())
-        for exact, said in ((x + y, a + b), (x - y, a - b), (x.sum(1), a.sum(0)), (-3.0 * x, a.times(np.array(-3.0)))):
-            assert (np.abs(exact - np.tensordot(at, said.p, 1)) <= said.rest + 1e-12).all()
-            assert (np.abs(exact) <= said.largest() + 1e-12).all()
+        for exact, stated in (
+            (x + y, a + b),
+            (x - y, a - b),
+            (x.sum(1), a.sum(0)),
+            (-3.0 * x, a.times(np.array(-3.0))),
+        ):
+            assert (np.abs(exact - np.tensordot(at, stated.p, 1)) <= stated.rest + 1e-12).all()
+            assert (np.abs(exact) <= stated.largest() + 1e-12).all()
         linear = np.tensordot(at[:, : 1 + n], a.p[: 1 + n], 1)
         assert (np.abs(x - linear) <= a.besides() + 1e-12).all()
     assert np.max(used) > 0.9

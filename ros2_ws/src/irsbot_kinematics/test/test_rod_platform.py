@@ -18,7 +18,7 @@ class CrankRods(RodPlatform):
 
     kind = "crank_rods"
     geometry: Rrr3BaseGeometry
-    labels_hold = False
+    label_is_invariant = False
 
     def __init__(self, geometry):
         g = self.geometry = geometry
@@ -60,7 +60,7 @@ def test_its_bounds_lie_near_those_written_by_hand(slack):
         at, ours = MINE.posture(tuple(q), 1), OURS.posture(tuple(q), 1)
         if at.status != irs.Status.SOLVED or at.type2 < 0.3:
             continue
-        mine, theirs = (one.guarantee(of, (2e-3,) * 3, slack).type2 for one, of in ((MINE, at), (OURS, ours)))
+        mine, theirs = (one.certified_bounds(of, (2e-3,) * 3, slack).type2 for one, of in ((MINE, at), (OURS, ours)))
         shares.append((at.type2 - mine) / (at.type2 - theirs))
     assert len(shares) > 3
     assert max(shares) < 1.5

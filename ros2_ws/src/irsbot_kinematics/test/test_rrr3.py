@@ -8,9 +8,10 @@ from postures import apart, random_joints
 
 import irsbot_kinematics as irs
 from irsbot_kinematics import Status
-from irsbot_kinematics.arithmetic import FLOATS
+from irsbot_kinematics.branches import tells_apart
 from irsbot_kinematics.mechanism import Mechanism
-from irsbot_kinematics.requests import solve_direct, tells_apart
+from irsbot_kinematics.numerics.arithmetic import FLOATS
+from irsbot_kinematics.requests import solve_direct
 
 ROBOT = irs.make_robot("rrr3")
 RB, RP, LINK = 0.35, 0.10, 0.40
@@ -152,7 +153,17 @@ def test_the_posture_in_one_piece_is_the_posture_of_the_shared_equations_and_of_
                 continue
             solved += 1
             assert at.working_mode == plain.working_mode == tuple(evs.working_mode[i])
-            for field in ("pose", "screws", "levers", "sines", "reach", "gaps", "cos_pressure", "det", "arms"):
+            for field in (
+                "pose",
+                "screws",
+                "levers",
+                "normalised_levers",
+                "reach",
+                "gaps",
+                "cos_pressure",
+                "det",
+                "attachments",
+            ):
                 np.testing.assert_allclose(getattr(at, field), getattr(plain, field), atol=1e-10, err_msg=field)
             np.testing.assert_allclose(at.pose, evs.pose[i], atol=1e-10)
             assert at.type2 == pytest.approx(evs.type2_margin[i], abs=1e-10)
@@ -193,7 +204,7 @@ def test_elbow_angles_a_whole_turn_apart_are_the_same_robot():
     q = ROBOT.inverse((0.1, 0.05, 0.9))
     here, there = ROBOT.posture(q, 1), ROBOT.posture(q + 2 * np.pi * np.array([1, -1, 2]), 1)
     np.testing.assert_allclose(here.pose, there.pose, atol=1e-12)
-    np.testing.assert_allclose(here.sines, there.sines, atol=1e-12)
+    np.testing.assert_allclose(here.normalised_levers, there.normalised_levers, atol=1e-12)
     np.testing.assert_allclose(here.levers, there.levers, atol=1e-12)
 
 
@@ -206,7 +217,7 @@ def test_the_guarantee_with_slack_holds_on_machines_whose_legs_are_that_wrong():
             if at.status != Status.SOLVED:
                 continue
             slack, travel = 10.0 ** rng.uniform(-5, -2.5), 10.0 ** rng.uniform(-5, -2, 3)
-            bound = ROBOT.mechanism.guarantee(at, travel.tolist(), slack)
+            bound = ROBOT.mechanism.certified_bounds(at, travel.tolist(), slack)
             if not bound.type2 > 0.0:
                 continue
             promised += 1
@@ -268,10 +279,10 @@ def test_a_pose_that_is_seen_a_turn_away_is_the_same_pose():
         for turns in (-3, -1, 0, 1, 2):
             seen = (x + 0.001, y - 0.001, phi + 0.01 + 2 * np.pi * turns)
             assert solve_direct(ROBOT, elbows, 0, seen).assembly_mode == [label]
-            assert tells_apart(ROBOT, elbows, seen)
-    assert not tells_apart(ROBOT, elbows, (9.0, 9.0, 9.0))
-    assert not tells_apart(ROBOT, elbows, (np.nan, 0.0, 0.0))
-    assert not tells_apart(ROBOT, (0.1, 0.1, 3.0), (0.0, 0.0, 0.0)), "out of reach"
+            assert tells_apart(ROBOT.mechanism, elbows, seen)
+    assert not tells_apart(ROBOT.mechanism, elbows, (9.0, 9.0, 9.0))
+    assert not tells_apart(ROBOT.mechanism, elbows, (np.nan, 0.0, 0.0))
+    assert not tells_apart(ROBOT.mechanism, (0.1, 0.1, 3.0), (0.0, 0.0, 0.0)), "out of reach"
 
 
 def test_wrong_lengths_are_refused_with_both_values():

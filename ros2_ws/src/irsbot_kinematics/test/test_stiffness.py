@@ -10,7 +10,6 @@ import pytest
 
 import irsbot_kinematics as irs
 from irsbot_kinematics import stiffness
-from irsbot_kinematics.maps import constraint_points
 from irsbot_kinematics.mechanism import Status
 from irsbot_kinematics.stiffness import SingularPosture
 
@@ -154,7 +153,7 @@ def test_the_other_findings_of_the_sheet():
     deep = np.array([(x, z) for z in np.linspace(-0.95, -1.15, 4) for x in (-0.2, -0.1, 0.0, 0.1, 0.2)])
     found = sideways_mm(five_bar, deep)
     assert (found.max(), found.mean(), found.std()) == pytest.approx((1.217, 1.126, 0.059), abs=6e-4)
-    reach = stiffness.answers(table2, [(0.2, -1.12), (0.2, -1.13), (0.2, -1.15)]).reach
+    reach = stiffness.evaluate_many(table2, [(0.2, -1.12), (0.2, -1.13), (0.2, -1.15)]).reach
     assert reach[0] > 0.0 > reach[1] > reach[2]
     # "Twice as stiff" needs more than the elbow of the text.
     for beta in np.radians(np.arange(15.0, 81.0, 5.0)):
@@ -178,7 +177,7 @@ def test_the_other_findings_of_the_sheet():
     assert limits[36.0].std() < 0.064 < limits[37.5].std()
 
 
-def test_shear_would_add_what_the_sheet_says(monkeypatch):
+def test_shear_would_add_the_share_of_the_sheet(monkeypatch):
     """The tubes as Timoshenko beams with the shear coefficient of thin tubes, about 0.53: 2 % and 0.5 %."""
     names = ("irsbot2_table2", "five_bar_table1")
     slender = [sideways_mm(stiffness.load(name), G20).mean() for name in names]
@@ -247,7 +246,7 @@ def test_a_pose_without_an_answer_is_named_and_of_many_it_is_nan():
         stiffness.matrix(design, (0.0, float("nan")))
     with pytest.raises(irs.BadInput):
         stiffness.matrix(design, (0.0, 1.0, 2.0))
-    found = stiffness.answers(design, [(0.0, -0.8), (0.0, -2.0), (0.0, np.nan)])
+    found = stiffness.evaluate_many(design, [(0.0, -0.8), (0.0, -2.0), (0.0, np.nan)])
     assert found.status.tolist() == [Status.SOLVED, Status.UNREACHABLE, Status.INVALID]
     assert np.isfinite(found.compliance[0]).all()
     assert np.isnan(found.stiffness[1:]).all()
@@ -275,16 +274,16 @@ def test_type_2_postures_are_singular_and_the_free_motion_is_named():
     assert abs(values[0]) < 1e-9 * values[-1]
     with pytest.raises(SingularPosture, match="dz 1"):
         stiffness.deflection(robot, pose, (0.0, 0.0, -10.0, 0.0, 0.0, 0.0))
-    assert stiffness.answers(robot, [pose]).status[0] == Status.SINGULAR
+    assert stiffness.evaluate_many(robot, [pose]).status[0] == Status.SINGULAR
 
 
 def test_where_the_legs_lose_a_constraint_the_elastic_robot_is_singular_too():
     """The constraint singularities that the kinematics finds, by rank of the stiffness; 1 mm aside it has all."""
     design = stiffness.load("irsbot2_table2", robot="irsbot2_csc")
-    points = constraint_points(design.mechanism, (1, -1))
+    points = np.array(design.mechanism.constraint_points((1, -1)))
     assert len(points) > 2
-    assert (stiffness.answers(design, points).status == Status.SINGULAR).all()
-    assert (stiffness.answers(design, points + 1e-3).status == Status.SOLVED).all()
+    assert (stiffness.evaluate_many(design, points).status == Status.SINGULAR).all()
+    assert (stiffness.evaluate_many(design, points + 1e-3).status == Status.SOLVED).all()
     with pytest.raises(SingularPosture, match=r"free to move by rx 1, rz -0\.994"):
         stiffness.compliance(design, points[0])
     assert np.isfinite(stiffness.matrix(design, points)).all()
@@ -321,7 +320,7 @@ def test_the_platform_swings_as_a_mass_on_its_softest_spring():
         stiffness.frequency(design, pose, 1.0, -inertia)
 
 
-def test_presets_say_what_is_assumed():
+def test_presets_mark_assumed_numbers():
     assert set(PRESETS) <= set(stiffness.presets())
     assert {"beta", "e", "direction"} == set(stiffness.load("irsbot2_table2").assumed)
     assert {"beta", "e", "direction", "spacing"} == set(stiffness.load("irsbot2_table4").assumed)

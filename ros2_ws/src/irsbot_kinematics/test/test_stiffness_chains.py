@@ -19,9 +19,9 @@ Y = [0, 1, 0]
 def load(tmp_path):
     """Loads a mapping as a design file."""
 
-    def run(**said):
+    def run(**stated):
         path = tmp_path / "own.yaml"
-        path.write_text(yaml.safe_dump({"family": "chains", "sections": {"tube": TUBE}, "platform": "P"} | said))
+        path.write_text(yaml.safe_dump({"family": "chains", "sections": {"tube": TUBE}, "platform": "P"} | stated))
         return stiffness.load(path)
 
     return run
@@ -113,8 +113,8 @@ def irsbot2_as_chains(design, pose):
 @pytest.mark.parametrize("pose", [(0.0, -0.8), (0.3, -0.75), (-0.35, -0.9)])
 def test_an_irsbot2_written_as_chains_is_the_irsbot2(load, name, pose):
     design = stiffness.load(name)
-    said = irsbot2_as_chains(design, pose)
-    own = load(**said)
+    stated = irsbot2_as_chains(design, pose)
+    own = load(**stated)
     K, k = stiffness.matrix(design, pose), stiffness.matrix(own)
     assert np.abs(K - k).max() < 1e-8 * np.abs(K).max()
     C, c = stiffness.compliance(design, pose), stiffness.compliance(own)
@@ -124,25 +124,25 @@ def test_an_irsbot2_written_as_chains_is_the_irsbot2(load, name, pose):
 
 def test_the_modules_of_the_irsbot2_have_the_ranks_of_the_sheet(load):
     """Sheet section 10: sub-chain ji 2, K_sp 4, K_para 6; actuators released: x0 and z0 of P free."""
-    said = irsbot2_as_chains(stiffness.load("irsbot2_table2"), (0.1, -0.8))
-    para, distal = said["legs"][0]
-    assert load(**said | {"legs": [distal["parallel"][0]]}).rank == 2
-    assert load(**said | {"legs": distal["parallel"]}).rank == 4
-    assert load(**said | {"legs": para["parallel"]}).rank == 6
-    assert load(**said | {"legs": [said["legs"][0]]}).rank == 4
-    assert load(**said).rank == 6
-    for chain in said["legs"]:
+    stated = irsbot2_as_chains(stiffness.load("irsbot2_table2"), (0.1, -0.8))
+    para, distal = stated["legs"][0]
+    assert load(**stated | {"legs": [distal["parallel"][0]]}).rank == 2
+    assert load(**stated | {"legs": distal["parallel"]}).rank == 4
+    assert load(**stated | {"legs": para["parallel"]}).rank == 6
+    assert load(**stated | {"legs": [stated["legs"][0]]}).rank == 4
+    assert load(**stated).rank == 6
+    for chain in stated["legs"]:
         bar = chain[0]["parallel"][0]
         bar.insert(0, {"revolute": [bar[0]["tube"][0], Y]})
-    released = stiffness.matrix(load(**said))
+    released = stiffness.matrix(load(**stated))
     for free in (0, 2):
         assert np.abs(released[:, free]).max() < 1e-8 * np.abs(released).max()
-    assert load(**said).rank == 4
+    assert load(**stated).rank == 4
 
 
 def test_chains_are_the_same_body_wherever_they_stand(load):
     """All points turned and moved, and another platform point."""
-    said = irsbot2_as_chains(stiffness.load("irsbot2_table4"), (0.2, -0.85))
+    stated = irsbot2_as_chains(stiffness.load("irsbot2_table4"), (0.2, -0.85))
     rng = np.random.default_rng(4)
     R = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     R *= np.sign(np.linalg.det(R))
@@ -157,18 +157,18 @@ def test_chains_are_the_same_body_wherever_they_stand(load):
         return links if kind == "tube" else {kind: turned(value)}
 
     points = {
-        name: place if name == "unit" else as_list(R @ np.array(place) + r) for name, place in said["points"].items()
+        name: place if name == "unit" else as_list(R @ np.array(place) + r) for name, place in stated["points"].items()
     }
-    K = stiffness.matrix(load(**said))
-    there = stiffness.matrix(load(**said | {"points": points, "legs": turned(said["legs"])}))
+    K = stiffness.matrix(load(**stated))
+    there = stiffness.matrix(load(**stated | {"points": points, "legs": turned(stated["legs"])}))
     assert np.abs(there - stiffness.turned(K, R)).max() < 1e-8 * np.abs(K).max()
-    Q = np.add(said["points"]["P"], [0.1, 0.2, -0.3])
-    moved = load(**said | {"points": said["points"] | {"Q": as_list(Q)}, "platform": "Q"})
+    Q = np.add(stated["points"]["P"], [0.1, 0.2, -0.3])
+    moved = load(**stated | {"points": stated["points"] | {"Q": as_list(Q)}, "platform": "Q"})
     assert np.abs(stiffness.matrix(moved) - stiffness.moved(K, (0.1, 0.2, -0.3))).max() < 1e-8 * np.abs(K).max()
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "stated"),
     [
         ({"points": {"A": [0, 0, 0], "P": [1, 0, 0]}}, "points have no unit"),
         ({"points": {"unit": "in", "A": [0, 0, 0], "P": [1, 0, 0]}}, "unit of length"),
@@ -183,10 +183,10 @@ def test_chains_are_the_same_body_wherever_they_stand(load):
         ({"colour": "red"}, "unknown key 'colour'"),
     ],
 )
-def test_a_chain_that_cannot_be_is_refused_in_one_line(load, changes, said):
+def test_a_chain_that_cannot_be_is_refused_in_one_line(load, changes, stated):
     good = {"points": {"unit": "m", "A": [0, 0, 0], "P": [1, 0, 0]}, "legs": [[{"tube": ["A", "P", "tube"]}]]}
     load(**good)
-    with pytest.raises(InvalidDesign, match=said) as refusal:
+    with pytest.raises(InvalidDesign, match=stated) as refusal:
         load(**good | changes)
     assert "\n" not in str(refusal.value)
     assert "own.yaml" in str(refusal.value)

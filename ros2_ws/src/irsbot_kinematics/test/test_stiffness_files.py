@@ -21,68 +21,68 @@ def preset(name="irsbot2_table2"):
 
 @pytest.fixture
 def load(tmp_path):
-    def run(said, **changes):
+    def run(stated, **changes):
         path = tmp_path / "mine.yaml"
-        path.write_text(said if isinstance(said, str) else yaml.safe_dump(said))
+        path.write_text(stated if isinstance(stated, str) else yaml.safe_dump(stated))
         return stiffness.load(path, **changes)
 
     return run
 
 
 @pytest.mark.parametrize(
-    ("numbers", "said"),
+    ("numbers", "stated"),
     [
         ((0.05, 0.06, 1.0, ALUMINIUM), "inner < outer diameter, got 0.06 against 0.05 m"),
         ((0.05, 0.05, 1.0, ALUMINIUM), "inner < outer"),  # zero thickness
         ((0.05, -0.01, 1.0, ALUMINIUM), "inner diameter >= 0"),
-        ((0.05, nan, 1.0, ALUMINIUM), "inner diameter >= 0"),
+        ((0.05, nan, 1.0, ALUMINIUM), "inner must be finite"),
         ((0.0, 0.0, 1.0, ALUMINIUM), "outer diameter > 0"),
-        ((nan, 0.0, 1.0, ALUMINIUM), "outer diameter > 0"),
+        ((nan, 0.0, 1.0, ALUMINIUM), "outer must be finite"),
         ((0.05, 0.0, 0.0, ALUMINIUM), "length > 0"),
-        ((0.05, 0.0, nan, ALUMINIUM), "length > 0"),
-        ((0.05, 0.0, 1e300, ALUMINIUM), "length > 0"),
-        ((1e300, 0.0, 1.0, ALUMINIUM), "outer diameter > 0"),
+        ((0.05, 0.0, nan, ALUMINIUM), "length must be finite"),
+        ((0.05, 0.0, 1e300, ALUMINIUM), "length must be a number of at most"),
+        ((1e300, 0.0, 1.0, ALUMINIUM), "outer must be a number of at most"),
         ((1e-300, 0.0, 1.0, ALUMINIUM), "second moment > 0"),
         ((0.05, 0.0, 1.0, "wood"), "no material 'wood'; known are aluminium"),
         ((0.05, 0.0, 1.0, 70e9), "needs a Material"),
     ],
 )
-def test_a_tube_that_cannot_be_built_is_refused(numbers, said):
-    with pytest.raises(InvalidDesign, match=said):
+def test_a_tube_that_cannot_be_built_is_refused(numbers, stated):
+    with pytest.raises(InvalidDesign, match=stated):
         Tube(*numbers)
 
 
 @pytest.mark.parametrize(
-    ("numbers", "said"),
+    ("numbers", "stated"),
     [
         ((-70e9, 0.33, 2700.0), "young > 0 Pa, got -7e\\+10"),
         ((0.0, 0.33, 2700.0), "young > 0"),
-        ((nan, 0.33, 2700.0), "young > 0"),
+        ((nan, 0.33, 2700.0), "young must be finite"),
         ((70e9, 0.51, 2700.0), "poisson <= 0.5"),
         ((70e9, -1.0, 2700.0), "-1 < poisson"),
         ((70e9, 0.33, 0.0), "density > 0"),
     ],
 )
-def test_a_material_that_does_not_exist_is_refused(numbers, said):
-    with pytest.raises(InvalidDesign, match=said):
+def test_a_material_that_does_not_exist_is_refused(numbers, stated):
+    with pytest.raises(InvalidDesign, match=stated):
         Material(*numbers)
 
 
 def edited(*path, value=None, name="irsbot2_table2"):
     """A preset with one entry replaced, or left out for None."""
-    said = preset(name)
-    at = said
+    stated = preset(name)
+    at = stated
     for key in path[:-1]:
         at = at[key]
     if value is None:
         del at[path[-1]]
     else:
         at[path[-1]] = value
-    return said
+    return stated
 
 
 @pytest.mark.parametrize(
-    ("said", "refusal"),
+    ("stated", "refusal"),
     [
         (edited("sections", "distal", "outer", value=46), "sections.distal.outer has no unit: 46; write for example"),
         (edited("sections", "distal", "outer", value="46 inch"), "unit of length"),
@@ -122,9 +122,9 @@ def edited(*path, value=None, name="irsbot2_table2"):
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_a_file_that_cannot_be_used_is_refused_in_one_line(load, said, refusal):
+def test_a_file_that_cannot_be_used_is_refused_in_one_line(load, stated, refusal):
     with pytest.raises(InvalidDesign, match=refusal) as refused:
-        load(said)
+        load(stated)
     assert "\n" not in str(refused.value)
     assert "mine.yaml" in str(refused.value)
 
@@ -141,12 +141,12 @@ def test_names_that_do_not_exist_are_refused(load):
 
 
 def test_numbers_of_a_file_are_read_in_their_units(load):
-    said = preset()
-    said["geometry"]["l1"] = "375 mm"
-    said["geometry"]["beta"] = "0.7853981633974483 rad"
-    said["materials"] = {"mine": {"young": "70000 MPa", "poisson": "0.33 1", "density": "2.7 g/cm3"}}
-    said["sections"]["distal"]["material"] = "mine"
-    design, shipped = load(said), stiffness.load("irsbot2_table2")
+    stated = preset()
+    stated["geometry"]["l1"] = "375 mm"
+    stated["geometry"]["beta"] = "0.7853981633974483 rad"
+    stated["materials"] = {"mine": {"young": "70000 MPa", "poisson": "0.33 1", "density": "2.7 g/cm3"}}
+    stated["sections"]["distal"]["material"] = "mine"
+    design, shipped = load(stated), stiffness.load("irsbot2_table2")
     assert design.geometry == shipped.geometry
     mine, aluminium = design.sections["distal"].material, shipped.sections["distal"].material
     assert (mine.young, mine.poisson, mine.density) == pytest.approx(
@@ -155,10 +155,10 @@ def test_numbers_of_a_file_are_read_in_their_units(load):
 
 
 def test_the_geometry_can_be_that_of_a_robot(load):
-    said = preset()
-    said["geometry"] = {"parallelogram": "0.2 m", "beta": "20 deg"}
-    said["robot"] = "irsbot2"
-    design = load(said)
+    stated = preset()
+    stated["geometry"] = {"parallelogram": "0.2 m", "beta": "20 deg"}
+    stated["robot"] = "irsbot2"
+    design = load(stated)
     assert design.geometry.beta == pytest.approx(radians(20.0))
     assert design.geometry.l1 == 0.375
     other = stiffness.load("irsbot2_table2", robot="irsbot2", e=0.01)

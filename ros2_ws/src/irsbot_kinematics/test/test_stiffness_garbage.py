@@ -32,16 +32,18 @@ CHAIN = {
 }
 
 
-def places(said, path=()):
+def places(stated, path=()):
     """Paths of all entries."""
     if path:
         yield path
-    for key, value in said.items() if isinstance(said, dict) else enumerate(said) if isinstance(said, list) else ():
+    for key, value in (
+        stated.items() if isinstance(stated, dict) else enumerate(stated) if isinstance(stated, list) else ()
+    ):
         yield from places(value, (*path, key))
 
 
-def replaced(said, path, value):
-    changed = copy.deepcopy(said)
+def replaced(stated, path, value):
+    changed = copy.deepcopy(stated)
     at = changed
     for key in path[:-1]:
         at = at[key]
@@ -67,7 +69,7 @@ def test_no_entry_of_a_file_can_cause_a_traceback(tmp_path, kind):
                 if isinstance(design, stiffness.ChainStructure):
                     stiffness.deflection(design, (), (0.0, 1.0, 0.0, 0.0, 0.0, 0.0))
                 else:
-                    stiffness.answers(design, [(0.0, -0.8), (0.1, -0.7)])
+                    stiffness.evaluate_many(design, [(0.0, -0.8), (0.1, -0.7)])
                 taken += 1
             except KinematicsError as error:
                 refusals.append(str(error))

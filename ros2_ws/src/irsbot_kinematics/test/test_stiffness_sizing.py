@@ -102,7 +102,7 @@ def test_lengths_can_be_varied_and_other_tubes_kept():
     assert found.statistics.largest_mm <= 0.8
 
 
-def test_limits_that_no_tube_meets_are_said():
+def test_limits_that_no_tube_meets_are_reported():
     task = Task(stiffness.load("five_bar_table1"), 1e-6, generations=3, population=4)
     with pytest.raises(NoSize, match=r"the nearest has .* mm at most"):
         stiffness.size(task)
@@ -139,7 +139,7 @@ def test_a_sized_design_is_written_and_read_back_to_the_last_digit(tmp_path):
         assert np.array_equal(stiffness.matrix(back, (0.1, -0.8)), stiffness.matrix(design, (0.1, -0.8)))
 
 
-def test_the_table_shows_print_and_model_side_by_side_and_says_what_cannot_be_met():
+def test_the_table_compares_print_and_model_and_names_what_cannot_be_reproduced():
     rows = {row.case: row for row in stiffness.table()}
     five_bar = rows["Table 1, five-bar, revolute at P"]
     assert five_bar.printed == (1.227, 1.135, 0.064, 5.6)

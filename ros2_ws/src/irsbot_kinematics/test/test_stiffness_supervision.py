@@ -13,7 +13,7 @@ from random_frames import random_irsbot2
 
 import irsbot_kinematics as irs
 from irsbot_kinematics import stiffness
-from irsbot_kinematics.design.rectangle import Limits
+from irsbot_kinematics.analysis.rectangle import Limits
 from irsbot_kinematics.stiffness import Load, Section, SingularPosture, compliance_error, pose_errors
 from irsbot_kinematics.stiffness.supervision import useful
 
@@ -70,7 +70,7 @@ def bent_margins(design, built, q, loads_xzm):
 def bounds(design, at, slack_m):
     """Both bounds that a supervisor uses."""
     still = (0.0, 0.0)
-    return design.mechanism.guarantee(at, still, slack_m), design.mechanism.guarantee_sharp(at, still, slack_m)
+    return design.mechanism.certified_bounds(at, still, slack_m), design.mechanism.sharp_bounds(at, still, slack_m)
 
 
 @pytest.mark.parametrize(("name", "robot"), ROBOTS)
@@ -174,7 +174,7 @@ def test_no_sample_has_a_smaller_constraint_margin_than_is_left_for_certain(desi
 
 
 @pytest.mark.parametrize("narrow", [1.0, 0.1, 0.001], ids=["p", "p/10", "p/1000"])
-def test_no_random_robot_loses_more_than_half_of_what_is_taken_off(narrow):
+def test_no_random_robot_loses_more_than_half_of_the_subtracted_margin(narrow):
     """Geometry, tubes, materials and posture at random; force or moment so large that the slack is 10 um."""
     rng, seen = np.random.default_rng(21), 0
     while seen < 25:

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 import irsbot_kinematics as irs
-from irsbot_kinematics.robot_file import fingerprint, read_robot
-from irsbot_kinematics.robot_record import robot_from_record, robot_record
+from irsbot_kinematics.description.robot_file import fingerprint, read_robot
+from irsbot_kinematics.description.robot_record import robot_from_record, robot_record
 
 EXAMPLE = Path(__file__).parents[4] / "docs" / "examples" / "prr3"
 SOURCE, ROBOT = (EXAMPLE / "prr3.py").read_text(), (EXAMPLE / "prr3.yaml").read_text()
@@ -96,7 +96,11 @@ REFUSED = [
     ("prr3.py:Prr3", "import nowhere_to_be_found\n", "ModuleNotFoundError: No module named 'nowhere_to_be_found'"),
     ("prr3.py:Prr3", "class Prr3:\n    pass\n", "Prr3 is no class derived from irsbot_kinematics.Mechanism"),
     ("prr3.py:TINY", SOURCE, "is no class derived from irsbot_kinematics.Mechanism"),
-    ("prr3.py:Prr3", HEAD + "class Prr3(irs.Mechanism):\n    kind = 'prr3'\n", "lacks the methods bias, clearance"),
+    (
+        "prr3.py:Prr3",
+        HEAD + "class Prr3(irs.Mechanism):\n    kind = 'prr3'\n",
+        "lacks the methods bias, certified_bounds",
+    ),
     ("prr3.py:Prr3", SOURCE.replace('= "prr3"', '= "rrr3"'), "Prr3.kind is 'rrr3'; it must be a name of its own"),
     ("prr3.py:Prr3", SOURCE.replace("geometry: Prr3Geometry\n", "geometry: float\n"), "'geometry: Prr3Geometry'"),
     ("prr3.py:Prr3", SOURCE.replace("geometry: Prr3Geometry\n", "geometry: Lost\n"), "name 'Lost' is not defined"),
@@ -116,15 +120,15 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("mechanism", "source", "words"), REFUSED, ids=[words[:40] for _, _, words in REFUSED])
-def test_what_is_no_mechanism_is_refused_in_one_line(tmp_path, mechanism, source, words):
+def test_a_class_that_is_not_a_mechanism_is_refused_in_one_line(tmp_path, mechanism, source, words):
     if source:
         (tmp_path / "prr3.py").write_text(source)
     file = robot_with(tmp_path, mechanism)
     with pytest.raises(irs.BadInput) as refused:
         irs.load_robot(file)
-    said = str(refused.value)
-    assert words in said
-    assert "\n" not in said
+    stated = str(refused.value)
+    assert words in stated
+    assert "\n" not in stated
 
 
 def test_supervision_that_is_no_mapping_is_refused(folder):

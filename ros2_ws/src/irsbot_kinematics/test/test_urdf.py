@@ -10,9 +10,9 @@ import pytest
 
 import irsbot_kinematics as irs
 from irsbot_kinematics.conformance.samples import Machine
+from irsbot_kinematics.description.urdf import skeleton_of, urdf
 from irsbot_kinematics.mechanism import Posture, Status
 from irsbot_kinematics.mechanisms.rrr3 import Rrr3
-from irsbot_kinematics.urdf import skeleton_of, urdf
 
 CLOSED_M = 1e-9
 
@@ -61,7 +61,7 @@ def space(robot: irs.Robot, pose) -> tuple[np.ndarray, float]:
 
 
 @pytest.mark.parametrize("name", irs.robots())
-def test_loops_close_and_the_platform_is_where_the_direct_kinematics_says(name: str):
+def test_loops_close_and_the_platform_has_the_pose_of_the_direct_kinematics(name: str):
     robot = irs.make_robot(name)
     skeleton, root = skeleton_of(robot), ElementTree.fromstring(urdf(robot))
     assert len(skeleton.cuts) >= len(robot.mechanism.joints) - 1
@@ -135,7 +135,7 @@ def test_the_cylinders_reach_from_joint_to_joint(name: str):
     assert drawn >= len(robot.mechanism.joints)
 
 
-def test_names_limits_and_speeds_can_be_told_and_names_are_escaped():
+def test_names_limits_and_speeds_can_be_given_and_names_are_escaped():
     mechanism = irs.make_robot("five_bar").mechanism
     text = urdf(irs.Robot(mechanism, 'a<b&"c'), ("left", "right"), (-1.0, -2.0), (1.0, 2.0), (6.0, 7.0))
     root = ElementTree.fromstring(text)

@@ -1,1 +1,1 @@
-"""Plain records of what crosses a process; `convert` is the only module that needs ROS."""
+"""Plain records of the messages between processes; only `convert` needs ROS."""

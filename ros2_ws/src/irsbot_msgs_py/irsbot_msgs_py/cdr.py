@@ -16,8 +16,8 @@ from operator import itemgetter
 from struct import Struct, error, unpack_from
 from typing import Any
 
-from .records import Cause, Finding, JointSample, Level, SingularityState, Verdict
-from .stamps import nanoseconds, sec_nanosec
+from irsbot_msgs_py.records import Cause, Finding, JointSample, Level, SingularityState, Verdict
+from irsbot_msgs_py.stamps import nanoseconds, sec_nanosec
 
 Bytes = bytes | bytearray | memoryview
 
@@ -25,13 +25,16 @@ Bytes = bytes | bytearray | memoryview
 # a tuple of kinds is a sequence of structures.
 Kinds = tuple[Any, ...]
 
+# For each later version of a message, the values of its added fields in messages of earlier versions.
+Added = tuple[tuple[Any, ...], ...]
+
 JOINT_STATE: Kinds = ("header", "s*", "d*", "d*", "d*")
 STATE: Kinds = (
     *("header", "s", "Q", "q", "q", "B", "I", "d*", "d*", "d*", "d*", "b*", "b", "d*", "d", "d", "d*"),
     *("d*", "d", "d", "d", "d*", "d*", "d*", "d", "I", "d", "d", "?", "d", "d", "d"),
 )
 FINDING: Kinds = ("I", "B", "d", "d", "s", "s")
-VERDICT: Kinds = ("header", "B", "I", "?", "I", "d*", "s", "Q", "s", "q", "d", FINDING, "I", "d")
+VERDICT: Kinds = ("header", "B", "I", "?", "I", "d*", "s", "Q", "s", "q", "d", FINDING, "I", "d", "I")
 
 _SIZE = {"?": 1, "b": 1, "B": 1, "s": 1, "i": 4, "I": 4, "d": 8, "q": 8, "Q": 8}
 _NUMBERS = frozenset("?bBiIdqQ")
@@ -44,7 +47,7 @@ _MAX_PACKERS = 64  # a stream needs one or two: texts and sequences change their
 
 
 class CdrError(ValueError):
-    """Bytes that are not the message they are taken for, or a record that does not fit its message."""
+    """Bytes that are not the expected message, or a record that does not fit its message."""
 
 
 class _Format:
@@ -68,12 +71,11 @@ class _Format:
 
 
 class _Layout:
-    """Where all fields lie in the messages that share lengths and texts with the one it was learned from."""
+    """Position of every field in messages that have the same lengths and texts as the learned one."""
 
-    def __init__(self, walk: _Walk, absent: tuple[Any, ...]) -> None:
-        """absent: values of the last fields, for a message of an earlier version, which ends before them."""
-        self._absent = absent if walk.ends_early else ()
-        self._end = walk.format.end if walk.ends_early else _NEVER
+    def __init__(self, walk: _Walk) -> None:
+        self._absent = walk.absent
+        self._end = walk.format.end if walk.absent else _NEVER
         self._unpack_from = walk.format.compile().unpack_from
         self._shared = itemgetter(*walk.shared)
         self._expected = self._shared(walk.flat)
@@ -81,7 +83,7 @@ class _Layout:
         self._fields = itemgetter(*walk.slots)
 
     def read(self, data: Bytes) -> tuple[Any, ...] | None:
-        """The fields of `data`, or None when it has another layout."""
+        """The fields of `data`, or None if it has another layout."""
         try:
             flat = self._unpack_from(data)
         except error:
@@ -93,10 +95,10 @@ class _Layout:
 
 
 class _Walk:
-    """Reads one message slowly and suspiciously and notes the layout on the way."""
+    """Reads one message field by field with all checks, and notes the layout."""
 
-    def __init__(self, data: Bytes, kinds: Kinds, added: int = 0) -> None:
-        """added: number of kinds at the end that messages of an earlier version do not have."""
+    def __init__(self, data: Bytes, kinds: Kinds, added: Added = ()) -> None:
+        """added: default values of the fields that later versions of the message have at its end."""
         self.data = data
         self.format = _Format()
         self.flat: list[Any] = [bytes(data[:_ORIGIN])]
@@ -105,10 +107,16 @@ class _Walk:
         self.slots: list[int | slice] = []  # of each field in flat; text n has slot -1 - n
         if self.flat[0] != _ENCAPSULATION:
             raise CdrError(f"encapsulation {self.flat[0].hex(' ')}: expected 00 01 00 00, little-endian XCDR1")
-        self._fields(kinds[: len(kinds) - added])
-        self.ends_early = added > 0 and len(data) < self.format.end + _SMALLEST
-        if not self.ends_early:
-            self._fields(kinds[len(kinds) - added :])
+        self.absent: tuple[Any, ...] = ()
+        """Values of the last fields, for a message of an earlier version without them."""
+        begin = len(kinds) - sum(map(len, added))
+        self._fields(kinds[:begin])
+        for version, values in enumerate(added):
+            if len(data) < self.format.end + _SMALLEST:
+                self.absent = sum(added[version:], ())
+                break
+            self._fields(kinds[begin : begin + len(values)])
+            begin += len(values)
 
     def _fields(self, kinds: Kinds) -> None:
         for kind in kinds:
@@ -159,9 +167,9 @@ class _Walk:
 class _Codec:
     """One message type: fields out of bytes, and bytes out of fields, by the layouts learned so far."""
 
-    def __init__(self, kinds: Kinds, absent: tuple[Any, ...] = ()) -> None:
-        """absent: what the last fields are in messages of an earlier version, which end before them."""
-        self._kinds, self._absent = kinds, absent
+    def __init__(self, kinds: Kinds, added: Added = ()) -> None:
+        """added: default values of the fields that later versions of the message have at its end."""
+        self._kinds, self._added = kinds, added
         self._layout: _Layout | None = None
         self._packers: dict[tuple[int, ...], Struct] = {}
 
@@ -170,7 +178,7 @@ class _Codec:
         layout = self._layout
         fields = layout.read(data) if layout is not None else None
         if fields is None:
-            self._layout = layout = _Layout(_Walk(data, self._kinds, len(self._absent)), self._absent)
+            self._layout = layout = _Layout(_Walk(data, self._kinds, self._added))
             fields = layout.read(data)
             assert fields is not None, "a layout reads the message it was learned from"
         return fields
@@ -247,7 +255,7 @@ def _grow(form: _Format, kinds: Kinds, lengths: Iterator[int]) -> None:
 
 _joint_state = _Codec(JOINT_STATE)
 _state = _Codec(STATE)
-_VERDICT_ADDED = (0, 0.0)  # bypassed, bypass_left: bags of earlier versions do not have them
+_VERDICT_ADDED = ((0, 0.0), (0,))  # bypassed and bypass_left; escape_cause: bags of earlier versions do not have them
 _verdict = _Codec(VERDICT, _VERDICT_ADDED)
 
 _STATE_LEVEL = SingularityState._fields.index("level")
@@ -273,7 +281,7 @@ def decode_joint_state(data: Bytes, received_ns: int, seen_ns: int) -> JointSamp
 
 
 def encode_joint_state(sample: JointSample) -> bytes:
-    """A sensor_msgs/JointState; the times of arrival stay behind."""
+    """Encode a sensor_msgs/JointState; the times of arrival are not part of it."""
     return _joint_state.encode((sample.stamp_ns, sample.names, sample.position, sample.velocity, sample.effort))
 
 
@@ -296,14 +304,13 @@ def decode_verdict(data: Bytes) -> Verdict:
     """An irsbot_msgs/Verdict."""
     sec, nanosec, level, causes, *rest = _verdict.decode(data)
     behind = _VERDICT_FIXED - 3
-    fixed, flat, (bypassed, left) = rest[:behind], rest[behind:-2], rest[-2:]
+    fixed, flat, (bypassed, left, escape) = rest[:behind], rest[behind:-3], rest[-3:]
     findings = tuple(
         Finding(_cause(flat[k]), _level(flat[k + 1]), *flat[k + 2 : k + len(FINDING)])
         for k in range(0, len(flat), len(FINDING))
     )
-    return Verdict._make(
-        (nanoseconds(sec, nanosec), _level(level), _cause(causes), *fixed, findings, _cause(bypassed), left)
-    )
+    begin = nanoseconds(sec, nanosec), _level(level), _cause(causes)
+    return Verdict._make((*begin, *fixed, findings, _cause(bypassed), left, _cause(escape)))
 
 
 def encode_verdict(verdict: Verdict) -> bytes:

@@ -11,9 +11,10 @@ from irsbot_msgs import msg as ros
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
-from .health import RecorderHealth, RecorderState
-from .records import Cause, Finding, JointSample, Level, SingularityState, Verdict
-from .stamps import nanoseconds, sec_nanosec
+from irsbot_msgs_py.gate_status import GateCommand, GateOutcome, GateReason, GateStatus
+from irsbot_msgs_py.health import RecorderHealth, RecorderState
+from irsbot_msgs_py.records import Cause, Finding, JointSample, Level, SingularityState, Verdict
+from irsbot_msgs_py.stamps import nanoseconds, sec_nanosec
 
 
 def time_msg(time_ns: int) -> Time:
@@ -46,7 +47,7 @@ def joint_sample(message: JointState, received_ns: int, seen_ns: int) -> JointSa
 
 
 def joint_state_msg(sample: JointSample) -> JointState:
-    """The JointState that `joint_sample` would read this sample from; the times of arrival stay behind."""
+    """The JointState from which `joint_sample` reads this sample; the times of arrival are not part of it."""
     return JointState(
         header=header_msg(sample.stamp_ns),
         name=list(sample.names),
@@ -97,6 +98,7 @@ def verdict_record(message: ros.Verdict) -> Verdict:
         findings=tuple(map(finding_record, message.findings)),
         bypassed=Cause(message.bypassed),
         bypass_left=message.bypass_left,
+        escape_cause=Cause(message.escape_cause),
     )
 
 
@@ -117,6 +119,7 @@ def verdict_msg(record: Verdict) -> ros.Verdict:
         findings=list(map(finding_msg, record.findings)),
         bypassed=int(record.bypassed),
         bypass_left=record.bypass_left,
+        escape_cause=int(record.escape_cause),
     )
 
 
@@ -222,5 +225,31 @@ def health_msg(record: RecorderHealth) -> ros.RecorderHealth:
         bytes_written=record.bytes_written,
         bytes_free=record.bytes_free,
         write_time_max=record.write_time_max,
+        text=record.text,
+    )
+
+
+def gate_status_record(message: ros.GateStatus) -> GateStatus:
+    """GateStatus.msg as a record."""
+    return GateStatus(
+        stamp_ns=stamp_ns(message.header),
+        command=GateCommand(message.command),
+        outcome=GateOutcome(message.outcome),
+        reason=GateReason(message.reason),
+        cause=Cause(message.cause),
+        share=message.share,
+        text=message.text,
+    )
+
+
+def gate_status_msg(record: GateStatus) -> ros.GateStatus:
+    """A status of the command gate as GateStatus.msg."""
+    return ros.GateStatus(
+        header=header_msg(record.stamp_ns),
+        command=int(record.command),
+        outcome=int(record.outcome),
+        reason=int(record.reason),
+        cause=int(record.cause),
+        share=record.share,
         text=record.text,
     )

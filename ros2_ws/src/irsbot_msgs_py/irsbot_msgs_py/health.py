@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 
 class RecorderState(IntEnum):
-    """What the recorder is doing; RecorderHealth.msg explains each."""
+    """State of the recorder; RecorderHealth.msg explains each value."""
 
     RECORDING = 0
     DISK_FULL = 1
@@ -16,7 +16,7 @@ class RecorderState(IntEnum):
 
 
 class RecorderHealth(NamedTuple):
-    """How the recorder is doing; the fields are those of RecorderHealth.msg, where their units stand."""
+    """Health of the recorder, with the fields of RecorderHealth.msg, which states their units."""
 
     stamp_ns: int
     state: RecorderState

@@ -1,7 +1,7 @@
-"""Plain twins of what crosses a process: immutable, comparable, free of ROS.
+"""Plain records of the messages between processes: immutable, comparable, free of ROS.
 
-Times are integer nanoseconds. `seen_ns` is the steady clock of the receiver, `stamp_ns` the ROS time said by the
-sender, `received_ns` the ROS time of the receiver. Vectors are tuples in the configured joint or task order.
+Times are integer nanoseconds. `seen_ns` is the steady clock of the receiver, `stamp_ns` the ROS time of the sender,
+`received_ns` the ROS time of the receiver. Vectors are tuples in the configured joint or task order.
 """
 
 from __future__ import annotations
@@ -14,8 +14,12 @@ Floats = tuple[float, ...]
 Signs = tuple[int, ...]
 
 
+CONSUMER_TIMEOUT_S = 0.1
+"""s without a verdict after which a consumer brakes; the shipped supervisor publishes every 10 ms."""
+
+
 class Level(IntEnum):
-    """How severe: the worst wins. UNKNOWN stops like STOP but says that nothing could be concluded."""
+    """Severity; the worst level wins. UNKNOWN stops like STOP, and means that the state of the robot is not known."""
 
     OK = 0
     WARN = 1
@@ -24,7 +28,7 @@ class Level(IntEnum):
 
 
 class Cause(IntFlag):
-    """Why: the bits of `causes`; SingularityState.msg explains each."""
+    """Bits of `causes`; SingularityState.msg explains each."""
 
     NONE = 0
     TYPE1 = 1
@@ -48,8 +52,13 @@ class Cause(IntFlag):
     INTERNAL = 524288
 
 
+def cause_names(causes: int) -> str:
+    """Names of the causes in a bit mask."""
+    return ", ".join(cause.name or "" for cause in Cause if cause and causes & cause)
+
+
 class JointSample(NamedTuple):
-    """One JointState as it arrived, nothing picked or repaired."""
+    """One JointState as it arrived, unchanged."""
 
     stamp_ns: int
     received_ns: int
@@ -61,14 +70,14 @@ class JointSample(NamedTuple):
 
 
 class Tick(NamedTuple):
-    """Time passed and nothing else happened."""
+    """A tick of the timer: time has passed."""
 
     received_ns: int
     seen_ns: int
 
 
 class Finding(NamedTuple):
-    """One reason for a level: what was found against which limit."""
+    """One reason for a level: a value and its limit."""
 
     cause: Cause
     level: Level
@@ -79,7 +88,7 @@ class Finding(NamedTuple):
 
 
 class SingularityState(NamedTuple):
-    """What one sample says; the fields are those of SingularityState.msg, where their units stand."""
+    """The result for one sample, with the fields of SingularityState.msg, which states their units."""
 
     stamp_ns: int
     robot: str
@@ -123,10 +132,10 @@ def unknown_state(
     joints: tuple[Floats, Floats],
     sizes: tuple[int, int],
 ) -> SingularityState:
-    """The state of a sample from which no pose follows: level UNKNOWN, what is not known is NaN.
+    """The state of a sample that determines no pose: level UNKNOWN, unknown numbers are NaN.
 
-    times: stamp, receive and steady time, ns. joints: positions and velocities as far as they are known.
-    sizes: number of task coordinates and of limb margins of the robot.
+    times: stamp, receive and steady time, ns. joints: positions and velocities as far as they are known. sizes: number
+    of task coordinates and of limb margins of the robot.
     """
     stamp_ns, received_ns, seen_ns = times
     each, pose = (nan,) * len(joints[0]), (nan,) * sizes[0]
@@ -166,7 +175,7 @@ def unknown_state(
 
 
 class Verdict(NamedTuple):
-    """What a consumer has to obey; the fields are those of Verdict.msg."""
+    """The order that a consumer obeys, with the fields of Verdict.msg."""
 
     stamp_ns: int
     level: Level
@@ -182,10 +191,11 @@ class Verdict(NamedTuple):
     findings: tuple[Finding, ...]
     bypassed: Cause = Cause.NONE
     bypass_left: float = 0.0
+    escape_cause: Cause = Cause.NONE
 
 
 class Reset(NamedTuple):
-    """An operator wants to end the stop number `event`."""
+    """An operator requests the end of the stop number `event`."""
 
     received_ns: int
     seen_ns: int
@@ -195,7 +205,7 @@ class Reset(NamedTuple):
 
 
 class Restart(NamedTuple):
-    """The supervisor was started again after it had ended: nobody watched the robot meanwhile."""
+    """The supervisor was started again after it had ended: the robot was not supervised in between."""
 
     received_ns: int
     seen_ns: int
@@ -203,7 +213,7 @@ class Restart(NamedTuple):
 
 
 class Bypass(NamedTuple):
-    """An operator wants to let motion pass one cause of the stop number `event` for a while."""
+    """An operator requests motion in spite of one cause of the stop number `event` for a limited time."""
 
     received_ns: int
     seen_ns: int

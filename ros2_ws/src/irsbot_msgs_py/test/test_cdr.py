@@ -22,7 +22,7 @@ STATE = SingularityState(
 FINDING = Finding(Cause.TYPE1, Level.STOP, 0.01, 0.05, "1", "leg 1 is nearly straight: 0.01 < 0.05")
 VERDICT = Verdict(
     *(3, Level.STOP, Cause.TYPE1, True, 4, (0.6, -0.8), "stop", 99, "ab" * 32, -5, 0.0, (FINDING, FINDING)),
-    *(Cause.LIMB, 7.5),
+    *(Cause.LIMB, 7.5, Cause.POSITION),
 )
 
 
@@ -48,7 +48,7 @@ def by_hand(sample: JointSample, padding: bytes) -> bytes:
 
 
 @pytest.mark.parametrize("padding", [b"\x00", b"\xff", b"\x5a"])
-def test_a_joint_state_reads_as_the_standard_lays_it_out_whatever_is_in_the_padding(padding: bytes):
+def test_a_joint_state_is_decoded_by_the_standard_with_any_padding(padding: bytes):
     read = cdr.decode_joint_state(by_hand(SAMPLE, padding), 11, 12)
     assert repr(read) == repr(SAMPLE)  # NaN is not equal to itself
 
@@ -76,7 +76,7 @@ def test_streams_of_different_layout_may_alternate():
     ],
     ids=["state", "verdict", "verdict without findings", "text", "empty text"],
 )
-def test_what_is_written_is_read(record, encode, decode):
+def test_a_written_record_is_read_back(record, encode, decode):
     assert repr(decode(encode(record))) == repr(record)
 
 
@@ -89,7 +89,10 @@ DECODERS = {
 
 
 EARLIER = DECODERS["verdict"][0].rindex(FINDING.text.encode()) + len(FINDING.text.encode()) + 1
-"""Bytes of the verdict without its last two fields: it ends with the zero behind the text of the last finding."""
+"""Bytes of a verdict of the first version: it ends with the zero behind the text of the last finding."""
+
+BYPASSED = len(DECODERS["verdict"][0]) - 4
+"""Bytes of a verdict of the second version, without `escape_cause`."""
 
 
 @pytest.mark.parametrize("name", DECODERS)
@@ -98,7 +101,12 @@ def test_a_message_cut_anywhere_is_refused(name: str):
     decode(whole)  # the layout of the whole is known
     for size in range(len(whole)):
         if name == "verdict" and EARLIER <= size < EARLIER + 4:  # whole for an earlier version, and padded
-            assert decode(whole[:size]) == VERDICT._replace(bypassed=Cause.NONE, bypass_left=0.0)
+            assert decode(whole[:size]) == VERDICT._replace(
+                bypassed=Cause.NONE, bypass_left=0.0, escape_cause=Cause.NONE
+            )
+            continue
+        if name == "verdict" and size >= BYPASSED:
+            assert decode(whole[:size]) == VERDICT._replace(escape_cause=Cause.NONE)
             continue
         with pytest.raises(cdr.CdrError):
             decode(whole[:size])
@@ -107,10 +115,12 @@ def test_a_message_cut_anywhere_is_refused(name: str):
 def test_verdicts_of_earlier_versions_and_ours_may_alternate():
     """What they have in common is laid out in the same way: the end alone tells them apart."""
     ours = cdr.encode_verdict(VERDICT)
-    earlier = ours[:EARLIER]
-    for data, bypassed, left in 2 * [(ours, Cause.LIMB, 7.5), (earlier, 0, 0.0), (earlier + b"\1\2\3", 0, 0.0)]:
+    first, second = ours[:EARLIER], ours[:BYPASSED]
+    stream = [(ours, Cause.LIMB, 7.5, Cause.POSITION), (first, 0, 0.0, 0), (first + b"\1\2\3", 0, 0.0, 0)]
+    stream += [(second, Cause.LIMB, 7.5, 0), (second + b"\1", Cause.LIMB, 7.5, 0)]
+    for data, bypassed, left, escape in 2 * stream:
         read = cdr.decode_verdict(data)
-        assert (read.bypassed, read.bypass_left) == (bypassed, left)
+        assert (read.bypassed, read.bypass_left, read.escape_cause) == (bypassed, left, escape)
         assert read[:12] == VERDICT[:12]
 
 
@@ -141,7 +151,7 @@ def test_noise_is_never_anything_but_refused(noise: bytes):
         (b"", "encapsulation"),
     ],
 )
-def test_a_refusal_says_what_was_wrong(data: bytes, word: str):
+def test_a_refusal_names_the_fault(data: bytes, word: str):
     with pytest.raises(cdr.CdrError, match=word):
         cdr.decode_string(data)
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from irsbot_msgs_py.transport import PEERS, PROFILES, RANGE, TRANSPORTS
+from irsbot_msgs_py.process.fastdds import PEERS, PROFILES, RANGE, TRANSPORTS
 
 pytest.importorskip("rclpy", reason="needs ROS 2")
 
@@ -21,7 +21,7 @@ pytestmark = pytest.mark.ros
 PROGRAM = """
 import ctypes
 import sys
-from irsbot_msgs_py.shell import UsageError, run
+from irsbot_msgs_py.process.run import UsageError, run
 from rclpy.lifecycle import LifecycleNode
 
 class Stuck:
@@ -107,7 +107,7 @@ def test_a_middleware_that_never_returns_changes_neither_the_end_nor_its_code(wi
         assert out.endswith("stuck\n")
 
 
-def test_whoever_asks_twice_gets_the_same_end():
+def test_a_second_signal_gives_the_same_exit_code():
     with shown("run") as process:
         assert process.stdout is not None
         assert process.stdout.readline() == "tick 1\n"
@@ -126,7 +126,7 @@ def test_an_error_in_a_callback_is_reported_and_survived():
         assert "RuntimeError: a callback failed" in err
 
 
-def test_a_log_that_nobody_reads_delays_no_callback_and_is_in_the_file(tmp_path: Path):
+def test_an_unread_log_delays_no_callback_and_is_in_the_file(tmp_path: Path):
     ticks = 200  # 2 MB, more than all pipes hold
     with shown("talk", ROS_LOG_DIR=str(tmp_path)) as process:
         assert process.stdout is not None
@@ -185,7 +185,7 @@ class Older(MetaPathFinder):
             raise ModuleNotFoundError(name=name)
 
 sys.meta_path.insert(0, Older())
-from irsbot_msgs_py.shell import run
+from irsbot_msgs_py.process.run import run
 sys.exit(run(object))
 """
 

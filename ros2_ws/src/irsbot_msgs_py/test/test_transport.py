@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from irsbot_msgs_py.transport import LOCALHOST, NETWORK, choose_transport
+from irsbot_msgs_py.process.fastdds import LOCALHOST, NETWORK, choose_transport
 
 ON_THIS_MACHINE = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
 
@@ -18,33 +18,33 @@ def after(before: dict[str, str], middleware: str = "rmw_fastrtps_cpp") -> dict[
 
 
 def test_in_the_network_the_range_is_the_users_and_the_profile_ours():
-    said = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
-    assert after(said) == {**said, "FASTRTPS_DEFAULT_PROFILES_FILE": NETWORK}
+    stated = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
+    assert after(stated) == {**stated, "FASTRTPS_DEFAULT_PROFILES_FILE": NETWORK}
     assert after({}) == {"FASTRTPS_DEFAULT_PROFILES_FILE": NETWORK}
 
 
 def test_on_one_machine_a_profile_stands_in_for_the_range_that_brings_shared_memory():
-    said = after(ON_THIS_MACHINE)
-    assert said == {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT", "FASTRTPS_DEFAULT_PROFILES_FILE": LOCALHOST}
+    stated = after(ON_THIS_MACHINE)
+    assert stated == {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT", "FASTRTPS_DEFAULT_PROFILES_FILE": LOCALHOST}
     assert "127.0.0.1" in Path(LOCALHOST).read_text()
 
 
-def test_what_we_chose_for_a_process_is_no_choice_of_the_user_for_its_children():
+def test_our_transport_of_a_process_does_not_count_as_the_users_choice_for_its_children():
     assert after({**after({}), **ON_THIS_MACHINE}) == after(ON_THIS_MACHINE)
     assert after(after(ON_THIS_MACHINE)) == after(ON_THIS_MACHINE)
 
 
 def test_peers_that_the_user_names_are_kept():
-    said = {**ON_THIS_MACHINE, "ROS_STATIC_PEERS": "10.0.0.1"}
-    assert after(said) == {**said, "FASTRTPS_DEFAULT_PROFILES_FILE": NETWORK}
+    stated = {**ON_THIS_MACHINE, "ROS_STATIC_PEERS": "10.0.0.1"}
+    assert after(stated) == {**stated, "FASTRTPS_DEFAULT_PROFILES_FILE": NETWORK}
 
 
 @pytest.mark.parametrize(
     "chosen", [{"FASTDDS_BUILTIN_TRANSPORTS": "DEFAULT"}, {"FASTRTPS_DEFAULT_PROFILES_FILE": "mine.xml"}]
 )
-def test_what_the_user_has_chosen_stays(chosen: dict[str, str]):
-    said = {**ON_THIS_MACHINE, **chosen}
-    assert after(said) == said
+def test_the_users_transport_is_kept(chosen: dict[str, str]):
+    stated = {**ON_THIS_MACHINE, **chosen}
+    assert after(stated) == stated
 
 
 def test_other_middleware_is_left_alone():

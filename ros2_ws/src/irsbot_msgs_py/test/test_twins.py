@@ -10,6 +10,7 @@ from typing import NamedTuple
 import pytest
 
 from irsbot_msgs_py import cdr
+from irsbot_msgs_py.gate_status import GateCommand, GateOutcome, GateReason, GateStatus
 from irsbot_msgs_py.health import RecorderHealth, RecorderState
 from irsbot_msgs_py.records import Cause, Finding, Level, SingularityState, Verdict
 from irsbot_msgs_py.stamps import nanoseconds, sec_nanosec
@@ -41,7 +42,9 @@ def kind(ros_type: str) -> object:
     return CODES[ros_type.removesuffix("[]")] + "*" * ros_type.endswith("[]")
 
 
-@pytest.mark.parametrize("record", [SingularityState, Verdict, Finding, RecorderHealth], ids=lambda r: r.__name__)
+@pytest.mark.parametrize(
+    "record", [SingularityState, Verdict, Finding, GateStatus, RecorderHealth], ids=lambda r: r.__name__
+)
 def test_a_record_has_the_fields_of_its_message_in_order(record):
     names = [name for _, name in definition(record.__name__).fields]
     assert len(names) > 5
@@ -54,6 +57,9 @@ def test_a_record_has_the_fields_of_its_message_in_order(record):
         ("SingularityState", "CAUSE_", Cause),
         ("SingularityState", "", Level),
         ("RecorderHealth", "", RecorderState),
+        ("GateStatus", "COMMAND_", GateCommand),
+        ("GateStatus", "OUTCOME_", GateOutcome),
+        ("GateStatus", "REASON_", GateReason),
     ],
 )
 def test_the_constants_of_a_message_are_its_enum(name: str, prefix: str, enum: type[Enum]):

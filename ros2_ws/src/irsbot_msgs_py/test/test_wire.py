@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from irsbot_msgs_py import cdr
+from irsbot_msgs_py.gate_status import GateCommand, GateOutcome, GateReason, GateStatus
 from irsbot_msgs_py.health import RecorderHealth, RecorderState
 from irsbot_msgs_py.records import Cause, Finding, JointSample, Level, SingularityState, Verdict
 
@@ -19,11 +20,7 @@ from std_msgs.msg import String
 
 from irsbot_msgs_py import convert
 
-pytestmark = [
-    pytest.mark.ros,
-    # rclpy reads .idl files with a version of lark that still imports this module
-    pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning"),
-]
+pytestmark = pytest.mark.ros
 
 # Every field takes any value of its type; a text has no zero inside and no half of a surrogate pair.
 real = st.floats(width=64)  # NaN and infinities too
@@ -41,7 +38,7 @@ findings = st.builds(Finding, cause, level, real, real, text, text)
 verdicts = st.builds(
     *(Verdict, stamp, level, cause, st.booleans(), uint32, reals, text, uint64, text, int64, real),
     st.lists(findings, max_size=3).map(tuple),
-    *(cause, real),
+    *(cause, real, cause),
 )
 states = st.builds(
     *(SingularityState, stamp, text, uint64, int64, int64, level, cause, reals, reals, reals, reals),
@@ -50,6 +47,10 @@ states = st.builds(
 )
 healths = st.builds(
     *(RecorderHealth, stamp, st.sampled_from(RecorderState), text, uint64, uint64, uint64, uint64, real, text)
+)
+statuses = st.builds(
+    *(GateStatus, stamp, st.sampled_from(GateCommand), st.sampled_from(GateOutcome), st.sampled_from(GateReason)),
+    *(cause, real, text),
 )
 
 
@@ -76,6 +77,11 @@ def test_a_verdict_becomes_a_message_and_the_same_verdict_again(verdict: Verdict
 @given(healths)
 def test_the_health_of_the_recorder_becomes_a_message_and_the_same_record_again(health: RecorderHealth):
     assert same(convert.health_record(convert.health_msg(health)), health)
+
+
+@given(statuses)
+def test_the_status_of_the_gate_becomes_a_message_and_the_same_record_again(status: GateStatus):
+    assert same(convert.gate_status_record(convert.gate_status_msg(status)), status)
 
 
 @given(samples)

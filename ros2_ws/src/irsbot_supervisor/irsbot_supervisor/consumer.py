@@ -1,8 +1,8 @@
-"""The consumer's half: what a drive, a controller or a gateway makes of verdicts. Standard library only, no ROS.
+"""Rules for a consumer of verdicts: a drive, a controller or a gateway. Standard library only, no ROS.
 
-A verdict is obeyed as long as it is fresh. After silence, after a verdict that does not follow the one before, and at
-the beginning, motion is allowed by the third verdict in sequence: the first may be the latched last word of a
-supervisor that is frozen or gone, and the words of two supervisors on one topic never follow one another.
+A verdict is valid as long as it is fresh. At the beginning, after a silence, and after a verdict out of sequence,
+motion is allowed from the third verdict in sequence: the first may be the latched last verdict of a supervisor that is
+frozen or has ended, and the verdicts of two supervisors on one topic are never in sequence.
 """
 
 from __future__ import annotations
@@ -13,18 +13,19 @@ OK, WARN, STOP, UNKNOWN = range(4)
 """Levels, as in irsbot_msgs/SingularityState."""
 
 TIMEOUT_S = 0.1
-"""s without a verdict after which a consumer brakes; the supervisor speaks every 10 ms as shipped."""
+"""s without a verdict after which a consumer brakes; the shipped supervisor publishes every 10 ms."""
 
 IN_SEQUENCE = 2
-"""Verdicts that have to follow their predecessors before motion is allowed."""
+"""Number of verdicts in sequence before motion is allowed."""
 
 
 class Consumer:
-    """Obeys one supervisor. All times are of one steady clock, ns. Hand it every verdict, and ask before every step."""
+    """Obeys one supervisor. All times are of one steady clock, ns. Call `hear` for every verdict and `allowed` before
+    every step."""
 
     def __init__(self, timeout_s: float = TIMEOUT_S, *, gated: bool = False) -> None:
-        """gated: all commands come through the command gate, which bounds their speed itself and lets a stopped robot
-        out: a STOP with a speed scale above 0 then allows motion. Raises ValueError for a timeout that is none."""
+        """gated: all commands pass the command gate, which limits their speed and lets a stopped robot move out: a STOP
+        with a speed scale above 0 then allows motion. Raises ValueError for an invalid timeout."""
         if not 0.0 < timeout_s < inf:
             raise ValueError(f"the timeout must be positive and finite, got {timeout_s!r} s")
         self._timeout_s, self._gated = timeout_s, gated
@@ -33,10 +34,10 @@ class Consumer:
         self._scale = 0.0
         self._braking = True
         self.brakes = 0
-        """How often motion has ended. A command that was given before the last time is void: forget it."""
+        """Number of times that motion has ended. A command given before the last end is void: discard it."""
 
     def hear(self, level: int, sequence: int, speed_scale: float, now_ns: int, age_s: float = 0.0) -> None:
-        """A verdict has come. age_s: by the clock that stamps, now minus its stamp, where that is known."""
+        """Take in a verdict. age_s: present time minus its stamp, by the clock that stamps; None if it is not known."""
         follows = sequence > self._sequence >= 0 and self._is_fresh(now_ns)
         self._following = self._following + 1 if follows else 0
         self._heard_ns, self._sequence = now_ns, sequence
@@ -56,7 +57,7 @@ class Consumer:
         return abs(now_ns - self._heard_ns) <= self._timeout_s * 1e9
 
     def _note(self, scale: float) -> None:
-        """What has run out stays so until it is allowed anew."""
+        """Permission that has expired stays expired until it is given again."""
         if scale > 0.0:
             self._braking = False
         elif not self._braking:

@@ -1,10 +1,10 @@
-"""Entry points of the executables, each without the time that its libraries take to load."""
+"""Entry points of the executables; each loads its libraries only when it runs."""
 
 from __future__ import annotations
 
 from typing import NoReturn
 
-from irsbot_msgs_py.start import start
+from irsbot_msgs_py.process.start import start
 
 
 def supervisor() -> NoReturn:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import subprocess
-import sys
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import pytest
+from command import IRSBOT
 
 pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
@@ -24,9 +24,9 @@ def allowed(name: str, kind: str) -> set[str]:
 
 
 @pytest.mark.parametrize("name", NODES)
-def test_the_shipped_policy_is_what_the_node_uses(name: str):
+def test_the_shipped_policy_allows_exactly_the_names_of_the_node(name: str):
     """Made anew from a running node, in a process of its own."""
-    command = [sys.executable, "-m", "irsbot_supervisor", "policy", name]
+    command = [*IRSBOT, "policy", name]
     made = subprocess.run(command, capture_output=True, text=True, timeout=120)
     assert (made.returncode, made.stderr) == (0, "")
     assert made.stdout == (POLICIES / f"{name}.policy.xml").read_text()
@@ -58,7 +58,7 @@ def test_a_policy_allows_and_never_denies_because_the_rest_is_denied(name: str):
 
 
 def test_an_unknown_node_is_refused_in_one_line():
-    command = [sys.executable, "-m", "irsbot_supervisor", "policy", "nobody"]
+    command = [*IRSBOT, "policy", "nobody"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60)
     assert done.returncode == 2
     (line,) = done.stderr.splitlines()

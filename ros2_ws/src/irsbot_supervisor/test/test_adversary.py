@@ -10,15 +10,15 @@ from fake_supervisors import FakeBoxSupervisor, FakeHastySupervisor, FakeLenient
 from hypothesis import given
 from hypothesis import strategies as st
 
-from irsbot_supervisor.campaign import adversary, assault, edges, reachable
-from irsbot_supervisor.campaign.deceit import BEGIN_NS, ERRORS, LAG_S, LIES, Attack, Deceit, Timing, told
-from irsbot_supervisor.campaign.hostile import Course, Push
-from irsbot_supervisor.campaign.rows import Job, Row
-from irsbot_supervisor.campaign.schemes import KINDS
-from irsbot_supervisor.campaign.truth import Array, accelerations, stamp_jitter_s
-from irsbot_supervisor.core.intake import S
+from irsbot_msgs_py.stamps import NS_PER_S
+from irsbot_supervisor.configuration.loading import read_settings
 from irsbot_supervisor.core.settings import Settings
-from irsbot_supervisor.settings_file import read_settings
+from irsbot_supervisor.validation.harness.oracle import Array, accelerations, stamp_jitter_s
+from irsbot_supervisor.validation.harness.rows import Job, Row
+from irsbot_supervisor.validation.in_process import adversary, assault, edges, reachable
+from irsbot_supervisor.validation.in_process.deceit import BEGIN_NS, ERRORS, LAG_S, LIES, Attack, Deceit, Timing, told
+from irsbot_supervisor.validation.in_process.hostile import DrivenMotion, Push
+from irsbot_supervisor.validation.in_process.schemes import SCHEMES
 
 SEEDS = st.integers(0, 2**32 - 1)
 FINE_S = 2e-5
@@ -29,21 +29,21 @@ def settings_of(coarse: bool = False) -> Settings:
     return read_settings("orthoglide", changes)[0]
 
 
-def hostile(settings: Settings, seconds: float, rng: np.random.Generator) -> Course:
+def hostile(settings: Settings, seconds: float, rng: np.random.Generator) -> DrivenMotion:
     """Joints that go to and fro, each by itself, with braking up to 20 times harder than allowed for speeding up."""
     pushes, t, full = [], 0.0, np.array(settings.velocity_limit)
     while t < seconds:
         speeds = rng.choice((-2.0, -1.0, 0.0, 1.0, 2.0, rng.uniform(-1.0, 1.0)), len(full)) * full
         pushes.append(Push(t, speeds, rng.uniform(0.2, 1.0), 20.0 ** rng.random()))
         t += rng.choice((0.002, 0.01, 0.2)) * rng.random()
-    return Course(rng.uniform(0.0, 3.0, len(full)), pushes, settings)
+    return DrivenMotion(rng.uniform(0.0, 3.0, len(full)), pushes, settings)
 
 
-def deceived(course: Course, settings: Settings, errors: str, number: int, rng: np.random.Generator) -> list[Any]:
+def deceived(driven: DrivenMotion, settings: Settings, errors: str, number: int, rng: np.random.Generator) -> list[Any]:
     timing = Timing(float(rng.choice((0.0005, 0.001, 0.002))), 1, 0.0)
     deceit = Deceit.drawn("missing", errors, number, 3, rng)
     attack = Attack(rng.uniform(0.0, number * timing.period_s), rng.choice((-1.0, 1.0), 3))
-    return [timing.period_s, *told(course, attack, deceit, timing, settings, 0, 0, number)]
+    return [timing.period_s, *told(driven, attack, deceit, timing, settings, 0, 0, number)]
 
 
 # --- the drives -----------------------------------------------------------------------------------------------------
@@ -66,14 +66,14 @@ def test_hostile_joints_keep_their_limits(seed: int) -> None:
 @given(SEEDS)
 def test_brakes_take_exactly_as_long_as_promised(seed: int) -> None:
     settings, rng = settings_of(), np.random.default_rng(seed)
-    course, begin_s = hostile(settings, 0.2, rng), rng.uniform(0.0, 0.25)
+    driven, begin_s = hostile(settings, 0.2, rng), rng.uniform(0.0, 0.25)
     brakes = np.array(settings.deceleration_limit) * rng.uniform(1.0, 5.0, 3)
-    braked, rest_s = course.braked(begin_s, brakes)
-    (position,), (speed,) = course.at(np.array([begin_s]))
+    braked, rest_s = driven.braked(begin_s, brakes)
+    (position,), (speed,) = driven.at(np.array([begin_s]))
     assert rest_s == pytest.approx(begin_s + (np.abs(speed) / brakes).max())
     times = np.array([0.5 * begin_s, begin_s + 0.3 * (rest_s - begin_s), rest_s + 1e-9, rest_s + 1.0])
     where, how_fast = braked.at(times)
-    assert where[0] == pytest.approx(course.at(times)[0][0])
+    assert where[0] == pytest.approx(driven.at(times)[0][0])
     passed = np.minimum(times[1] - begin_s, np.abs(speed) / brakes)
     assert how_fast[1] == pytest.approx(speed - np.sign(speed) * brakes * passed, abs=1e-9)
     assert not how_fast[2:].any()
@@ -87,29 +87,31 @@ def test_brakes_take_exactly_as_long_as_promised(seed: int) -> None:
 @pytest.mark.parametrize("errors", ERRORS)
 def test_positions_and_stamps_are_as_wrong_as_allowed_and_no_more(errors: str) -> None:
     settings, rng = settings_of(coarse=True), np.random.default_rng(4)
-    course = hostile(settings, 0.2, rng)
-    period_s, *samples = deceived(course, settings, errors, 300, rng)
-    truth = course.at(np.arange(300) * period_s)[0]
+    driven = hostile(settings, 0.2, rng)
+    period_s, *samples = deceived(driven, settings, errors, 300, rng)
+    truth = driven.at(np.arange(300) * period_s)[0]
     wrong = np.array([sample.position for sample in samples]) - truth
     bound = 0.5 * settings.encoder_resolution + settings.encoder_offset
     assert 0.5 * settings.encoder_resolution * 0.9 < np.abs(wrong).max() <= bound * (1.0 + 1e-9)
     stamps = np.array([sample.stamp_ns for sample in samples])
-    late_s = (stamps - BEGIN_NS) / S - np.arange(300) * period_s
+    late_s = (stamps - BEGIN_NS) / NS_PER_S - np.arange(300) * period_s
     assert (np.diff(stamps) > 0).all()
     assert np.abs(late_s).max() <= stamp_jitter_s(settings) + 1e-9
     assert (np.abs(late_s).max() > 0.9 * stamp_jitter_s(settings)) == (errors != "rounded")
 
 
-def test_the_lies_about_velocities_are_what_they_are_called() -> None:
+def test_the_false_velocities_match_their_names() -> None:
     settings = settings_of()
     gain = accelerations(settings)[0]
-    course = Course(np.zeros(3), [Push(0.0, np.array(settings.velocity_limit))], settings)  # speeds gain * t for 0.1 s
+    driven = DrivenMotion(
+        np.zeros(3), [Push(0.0, np.array(settings.velocity_limit))], settings
+    )  # speeds gain * t for 0.1 s
     timing, n = Timing(0.001, 1, 0.0), 80
     rng = np.random.default_rng(5)
 
     def last(lie: str) -> Array:
         deceit = Deceit.drawn(lie, "rounded", n, 3, rng)
-        return np.array(told(course, Attack(0.05, np.ones(3)), deceit, timing, settings, 0, 0, n)[-1].velocity)
+        return np.array(told(driven, Attack(0.05, np.ones(3)), deceit, timing, settings, 0, 0, n)[-1].velocity)
 
     true = gain * 0.079
     for lie, share in (("right", 1.0), ("zero", 0.0), ("halved", 0.5), ("doubled", 2.0), ("reversed", -1.0)):
@@ -130,16 +132,14 @@ def test_the_lies_about_velocities_are_what_they_are_called() -> None:
 
 
 @given(SEEDS, st.booleans(), st.sampled_from(ERRORS))
-def test_no_joint_moves_faster_than_the_oracle_says_or_gets_out_of_its_box(
-    seed: int, coarse: bool, errors: str
-) -> None:
+def test_no_joint_exceeds_the_speed_or_the_box_of_the_oracle(seed: int, coarse: bool, errors: str) -> None:
     settings, rng, number = settings_of(coarse), np.random.default_rng(seed), 120
-    course = hostile(settings, 0.3, rng)
-    period_s, *samples = deceived(course, settings, errors, number, rng)
-    stamps = np.array([(sample.stamp_ns - BEGIN_NS) / S for sample in samples])
+    driven = hostile(settings, 0.3, rng)
+    period_s, *samples = deceived(driven, settings, errors, number, rng)
+    stamps = np.array([(sample.stamp_ns - BEGIN_NS) / NS_PER_S for sample in samples])
     positions = np.array([sample.position for sample in samples])
     ahead, back = reachable.fastest(stamps, positions, settings)
-    true = course.at(stamps)[1]
+    true = driven.at(stamps)[1]
     assert (true <= ahead + 1e-9).all()
     assert (-true <= back + 1e-9).all()
     unseen_s = rng.uniform(0.001, 0.02)
@@ -147,20 +147,20 @@ def test_no_joint_moves_faster_than_the_oracle_says_or_gets_out_of_its_box(
     for k in range(1, number, 7):
         brake_s = stamps[k] + (unseen_s + settings.latency_s) * rng.choice((1.0, rng.random()))
         brakes = np.array(settings.deceleration_limit) * rng.choice((1.0, 3.0), 3)
-        braked, rest_s = course.braked(brake_s, brakes)
+        braked, rest_s = driven.braked(brake_s, brakes)
         way = braked.at(np.linspace(k * period_s, rest_s + 1e-6, 100))[0]
         assert (low[k] <= way).all()
         assert (way <= high[k]).all()
 
 
-def test_a_late_stamp_makes_a_position_older_than_it_says() -> None:
+def test_a_late_stamp_makes_a_position_older_than_its_stamp() -> None:
     """A joint at full speed, exact encoders: the box has to hold what it moves in the jitter of the stamp, too."""
     settings, unseen_s = settings_of(), 0.003
-    course = Course(np.zeros(3), [Push(0.0, np.array(settings.velocity_limit))], settings)
+    driven = DrivenMotion(np.zeros(3), [Push(0.0, np.array(settings.velocity_limit))], settings)
     times = np.arange(0.0, 0.3, 0.001)
     stamps = times + stamp_jitter_s(settings)
-    _, high = reachable.boxes(stamps, course.at(times)[0], settings, unseen_s)
-    braked, rest_s = course.braked(stamps[-1] + unseen_s + settings.latency_s, np.array(settings.deceleration_limit))
+    _, high = reachable.boxes(stamps, driven.at(times)[0], settings, unseen_s)
+    braked, rest_s = driven.braked(stamps[-1] + unseen_s + settings.latency_s, np.array(settings.deceleration_limit))
     reached = braked.at(np.array([rest_s]))[0][0]
     assert (reached <= high[-1] + 1e-9).all()
     encoder = 0.5 * settings.encoder_resolution + settings.encoder_offset
@@ -173,11 +173,11 @@ def test_the_box_is_no_wider_than_it_has_to_be() -> None:
     settings = settings_of()
     gain, unseen_s = accelerations(settings)[0], 0.003
     full = np.array(settings.velocity_limit)
-    course = Course(np.zeros(3), [Push(0.05, full)], settings)
+    driven = DrivenMotion(np.zeros(3), [Push(0.05, full)], settings)
     stamps = np.arange(0.0, 0.0501, 0.001)
-    _, high = reachable.boxes(stamps, course.at(stamps)[0], settings, unseen_s)
+    _, high = reachable.boxes(stamps, driven.at(stamps)[0], settings, unseen_s)
     brake_s = stamps[-1] + unseen_s + settings.latency_s
-    braked, rest_s = course.braked(brake_s, np.array(settings.deceleration_limit))
+    braked, rest_s = driven.braked(brake_s, np.array(settings.deceleration_limit))
     reached = braked.at(np.array([rest_s]))[0][0]
     # At rest the observer knows a speed up to what 2 errors look like: sqrt(4 error gain), and half as much again
     # because samples are looked back at 1, 2, 4 ... periods.
@@ -214,7 +214,7 @@ def row_against(fake: type, monkeypatch: pytest.MonkeyPatch, amount: int, *robot
 
 
 def test_a_supervisor_that_never_stops_is_found_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    row = row_against(FakeLenientSupervisor, monkeypatch, len(KINDS), "irsbot2")
+    row = row_against(FakeLenientSupervisor, monkeypatch, len(SCHEMES), "irsbot2")
     assert row.unsafe > row.amount // 4
     assert row.figures["beyond"] == row.unsafe
     assert row.figures["worst spare, relative to its limit"] < 0.0
@@ -222,13 +222,13 @@ def test_a_supervisor_that_never_stops_is_found_out(monkeypatch: pytest.MonkeyPa
 
 
 def test_a_supervisor_that_holds_is_not_blamed(monkeypatch: pytest.MonkeyPatch) -> None:
-    row = row_against(FakeBoxSupervisor, monkeypatch, len(KINDS), "irsbot2")
+    row = row_against(FakeBoxSupervisor, monkeypatch, len(SCHEMES), "irsbot2")
     assert row.ok, row
     assert row.figures["stopped"] > row.amount // 3, "the attack bites"
     assert row.figures["worst spare, relative to its limit"] >= 0.0
 
 
 def test_a_robot_that_cannot_be_switched_on_near_a_limit_comes_from_afar(monkeypatch: pytest.MonkeyPatch) -> None:
-    row = row_against(FakeHastySupervisor, monkeypatch, len(KINDS), "irsbot2")
+    row = row_against(FakeHastySupervisor, monkeypatch, len(SCHEMES), "irsbot2")
     assert row.unsafe == 0, row
     assert row.figures["stopped"] > row.amount // 4, "the attack bites"

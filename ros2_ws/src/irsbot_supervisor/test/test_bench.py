@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from irsbot_supervisor.bench.one_sample import OneSample
-from irsbot_supervisor.bench.report import Measured, Row, rows
-from irsbot_supervisor.bench.transport import RAW, SUPERVISED, TYPED, Run, match
 from irsbot_supervisor.sim.scenario_file import scenario_robots
+from irsbot_supervisor.validation.bench.one_sample import OneSample
+from irsbot_supervisor.validation.bench.report import Measured, Row, rows
+from irsbot_supervisor.validation.bench.transport import RAW, SUPERVISED, TYPED, Run, match
 
 PATIENCE_S = 300.0
 COMMAND = [sys.executable, "-c", "import typer; from irsbot_supervisor.cli.bench import bench; typer.run(bench)"]
@@ -38,7 +38,7 @@ def run_of(subject: str, p50_us: float, p99_us: float = 1.0, cpu_us: float = 1.0
 # --- latencies and losses -----------------------------------------------------------------------------------------
 
 
-def test_a_message_is_known_by_its_stamp_in_whatever_order_it_arrives() -> None:
+def test_a_message_is_identified_by_its_stamp_in_any_order_of_arrival() -> None:
     sent = np.array([[10, 1_000], [20, 2_000], [30, 3_000]])
     seen = np.array([[30, 3_900], [5, 100], [10, 1_500], [20, 2_700]])
     latencies_us, lost = match(sent, seen)
@@ -46,7 +46,7 @@ def test_a_message_is_known_by_its_stamp_in_whatever_order_it_arrives() -> None:
     assert lost == 0
 
 
-def test_what_never_arrived_is_counted_and_has_no_latency() -> None:
+def test_lost_messages_are_counted_and_have_no_latency() -> None:
     sent = np.array([[10, 1_000], [20, 2_000], [30, 3_000]])
     latencies_us, lost = match(sent, np.array([[20, 2_250]]))
     assert latencies_us == [0.25]
@@ -105,9 +105,7 @@ def test_losses_of_the_supervisor_alone_miss_the_goal() -> None:
         (True, nan, False),
     ],
 )
-def test_a_goal_is_met_at_its_limit_and_never_by_what_is_not_a_number(
-    at_least: bool, measured: float, met: bool
-) -> None:
+def test_a_goal_is_met_at_its_limit_and_never_by_nan(at_least: bool, measured: float, met: bool) -> None:
     assert Row("P", "what", 12.0, at_least, measured, "us").met is met
 
 

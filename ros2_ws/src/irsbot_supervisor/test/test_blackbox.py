@@ -6,7 +6,7 @@ import pytest
 
 from irsbot_msgs_py.cdr import encode_verdict
 from irsbot_msgs_py.records import Cause, Level, Verdict
-from irsbot_supervisor.blackbox import BlackBox, Kept, StopWatch
+from irsbot_supervisor.bag.blackbox import BlackBox, Kept, StopWatch
 
 S = 10**9
 
@@ -43,7 +43,7 @@ def test_a_second_stop_prolongs_the_first():
     assert seconds(box.pass_on(message(3))) == [3]
 
 
-def test_memory_is_bounded_and_what_had_to_go_too_early_is_counted():
+def test_memory_is_bounded_and_messages_dropped_too_early_are_counted():
     box = BlackBox(keep_ns=10 * S, after_ns=0, keep_bytes=50)
     for k in range(8):
         box.pass_on(message(k, size=10))
@@ -82,5 +82,5 @@ def test_a_stop_is_recognised_when_it_begins(story: list[tuple[Level, int]], sto
     assert [watch.is_new_stop(verdict(level, event)) for level, event in story] == stops
 
 
-def test_a_verdict_that_cannot_be_read_keeps_what_led_to_it():
+def test_an_unreadable_verdict_keeps_the_messages_before_it():
     assert StopWatch().is_new_stop(b"\x00\x01\x00\x00")

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 from supervised import at_ns, feed, reset, sample, settings_of, supervisor_of, tick
 
-from irsbot_kinematics import Status
+from irsbot_kinematics import Status, make_robot
 from irsbot_msgs_py.records import Cause, Level, Restart
-from irsbot_supervisor.core.assess import margins_of
-from irsbot_supervisor.core.certify import certify
 from irsbot_supervisor.core.estimation.estimate import Speeds
+from irsbot_supervisor.core.margins import margins_of
+from irsbot_supervisor.core.seed_pose import seen_posture
 from irsbot_supervisor.core.stopping import StoppingPredictor, limits_of
+from irsbot_supervisor.trajectory.verification import certify
 
 START, WAY = np.array([-0.1477, 2.1584, -1.4992]), np.array([0.7028, -0.4716, 1.0])
 """rad: joints of the rrr3_base and a way on which label -1 goes over to another branch, far from Type 2; at its end the
@@ -67,7 +68,7 @@ def test_a_planned_motion_is_certified_on_its_own_branch():
     assert settings.type2_stop <= found.minima[1][0] <= met
 
 
-def test_what_can_be_reached_is_bounded_on_its_own_branch():
+def test_the_reachable_box_is_bounded_on_its_own_branch():
     """The box of a resting robot holds the way from before the label changes, 0.33 rad from the start, to behind it;
     there the pose of the first label is nearly singular."""
     settings, robot = settings_of("rrr3_base", working_mode=followed_mode(), assembly_mode=LABEL, type2_warn=1.0)
@@ -86,13 +87,12 @@ def test_what_can_be_reached_is_bounded_on_its_own_branch():
 
 
 def test_an_operator_who_sees_the_platform_on_another_branch_is_refused():
-    supervisor = supervisor_of("rrr3_base")
-    robot, names = supervisor.robot, supervisor.settings.joint_names
-    q = tuple(robot.inverse((0.0, 0.0, 0.3)).tolist())
-    feed(supervisor, [sample(ms, q, names=names) for ms in range(-200, 0)])
-    other = robot.direct(q, -1)
-    assert supervisor._seen(q, tuple(other)) == (None, "the seed pose is nearest to another branch")
-    assert supervisor._seen(q, (0.01, 0.0, 0.3)) == (None, "")
+    robot, followed_pose = make_robot("rrr3_base"), (0.0, 0.0, 0.3)
+    q = tuple(robot.inverse(followed_pose).tolist())
+    other = tuple(robot.direct(q, -1).tolist())
+    refused = (None, "the seed pose is nearest to another branch")
+    assert seen_posture(robot.mechanism, q, other, 1, followed_pose) == refused
+    assert seen_posture(robot.mechanism, q, (0.01, 0.0, 0.3), 1, followed_pose) == (None, "")
 
 
 def test_a_lost_branch_is_the_one_in_which_an_operator_sees_the_platform():
@@ -150,7 +150,7 @@ def test_a_type2_locus_that_is_touched_between_two_samples_is_noticed(beside):
 
 
 @pytest.mark.parametrize("name", ["ruu4", "rrr3_base"])
-def test_what_an_operator_has_seen_holds_at_once_for_the_command_gate(name):
+def test_a_confirmed_branch_holds_at_once_for_the_command_gate(name):
     """Two solutions of the same joints; the encoders have jumped, the operator sees the platform in the other one."""
     settings, robot = settings_of(name)
     mechanism, rng = robot.mechanism, np.random.default_rng(3)

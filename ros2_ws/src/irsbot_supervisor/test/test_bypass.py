@@ -10,16 +10,17 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from supervised import MS, at_ns, configure, feed, joints_of, reset, resting, sample, story, supervisor_of, tick
+from supervised import MS, at_ns, configure, expectation, feed, joints_of, reset, resting, sample, supervisor_of, tick
 
 from irsbot_msgs_py.records import Bypass, Cause, Floats, JointSample, Level, Verdict
+from irsbot_supervisor.bag.bag import BagWriter
+from irsbot_supervisor.bag.journal import configured, read_entry, write_entry
 from irsbot_supervisor.core.bypass import LONGEST_S, STOPPING, InForce
-from irsbot_supervisor.core.gate import Gate
-from irsbot_supervisor.core.pipeline import Configure, Event, Supervisor
-from irsbot_supervisor.journal import configured, read_entry, write_entry
-from irsbot_supervisor.replay import judge_again, read_recording
-from irsbot_supervisor.tape import TapeWriter
-from irsbot_supervisor.verify import against_recording
+from irsbot_supervisor.core.events import Configure, Event
+from irsbot_supervisor.core.supervisor import Supervisor
+from irsbot_supervisor.gate.velocity_gate import Gate
+from irsbot_supervisor.replay.comparison import against_recording
+from irsbot_supervisor.replay.rejudge import judge_again, read_recording
 
 BEYOND = 0.6, -1.0273
 """m: the Type 1 margin of the IRSBot-2 is 0.1496 here, the stop limit 0.15; the Type 2 margin is 0.182."""
@@ -126,7 +127,7 @@ def test_without_a_stop_there_is_nothing_to_bypass():
     assert "no stop is latched" in supervisor.step(bypass(1, event=0)).refusal
 
 
-def test_what_is_not_known_is_never_bypassed():
+def test_a_cause_of_unknown_is_never_bypassed():
     supervisor, joints = stopped()
     supervisor.step(sample(1, (nan, nan)))
     assert "not known" in supervisor.step(bypass(1.5)).refusal
@@ -172,7 +173,7 @@ def test_while_it_is_in_force_its_cause_warns_and_motion_is_slow():
     step = supervisor.step(bypass(1))
     assert step.refusal == ""
     assert step.verdict is not None
-    assert [turn.level for turn in step.turns] == [Level.WARN]
+    assert [turn.level for turn in step.transitions] == [Level.WARN]
     run(supervisor, 2, 2001, joints)
     now = verdict(supervisor, 2001)
     assert (now.level, now.causes, now.latched, now.event) == (Level.WARN, Cause.TYPE1, False, 1)
@@ -252,7 +253,7 @@ def test_another_cause_that_stops_ends_it():
 
 
 @pytest.mark.parametrize("bad", [(nan, nan), (0.0, inf)])
-def test_a_sample_that_says_nothing_ends_it_and_the_cause_stops_again(bad: Floats):
+def test_a_rejected_sample_ends_it_and_the_cause_stops_again(bad: Floats):
     supervisor, joints = stopped()
     supervisor.step(bypass(1))
     run(supervisor, 2, 100, joints)
@@ -290,7 +291,7 @@ def test_other_settings_change_its_speed_and_not_its_end():
 # --- the command gate ----------------------------------------------------------------------------------------------
 
 
-def test_the_gate_enforces_every_limit_but_the_one_that_is_bypassed():
+def test_the_gate_enforces_every_limit_except_the_bypassed_one():
     supervisor, joints = stopped()
     gate = Gate(supervisor.settings, supervisor.robot.mechanism)
     deeper = joints_of(supervisor, BEYOND[0], BEYOND[1] - 1e-3)
@@ -308,7 +309,7 @@ def test_the_gate_enforces_every_limit_but_the_one_that_is_bypassed():
     run(supervisor, 2, 10, joints)
     slow = passes()
     assert 0.0 <= 4.0 * held < slow <= np.sqrt(2.0) * SHARE  # both joints
-    limits = gate.limits(supervisor.view)
+    limits = gate.allowance(supervisor.view).limits
     assert limits[0] == -inf
     assert all(a >= b for a, b in zip(limits[1:3], (0.01, 0.001), strict=True))
     tight = replace(supervisor.settings, type2_stop=0.07, type2_warn=0.2)  # little more is left of it until standstill
@@ -335,7 +336,7 @@ def test_a_bag_with_bypasses_is_judged_again_to_the_same_verdicts(tmp_path: Path
     events += [*resting(302, 500, joints), sample(500, (nan, nan)), *resting(501, 800, joints)]
     first = configured(supervisor.settings, supervisor.robot, *at_ns(-401))
     heard: list[Verdict] = []
-    with TapeWriter(tmp_path / "bag.mcap") as writer:
+    with BagWriter(tmp_path / "bag.mcap") as writer:
         writer.add("supervisor/journal", write_entry(first), first.received_ns)
         for event in [Configure(*at_ns(-401), supervisor.settings), *events]:
             step = supervisor.step(event)
@@ -354,7 +355,7 @@ def test_a_bag_with_bypasses_is_judged_again_to_the_same_verdicts(tmp_path: Path
     assert [repr(one.bypass_left) for _log_ns, one in recording.verdicts] == [repr(one.bypass_left) for one in heard]
     judged = judge_again(recording)
     assert [check.faults for check in against_recording(recording, judged)] == [(), ()]
-    levels = [chapter.level for chapter in judged.chapters if chapter.event]
+    levels = [interval.level for interval in judged.intervals if interval.event]
     assert levels[:3] == [Level.UNKNOWN, Level.STOP, Level.WARN] or levels[:3] == [Level.STOP, Level.WARN, Level.STOP]
 
 
@@ -438,16 +439,16 @@ def test_never_is_motion_allowed_beyond_a_limit_but_by_a_bypass_nor_where_anythi
     before, events = played([("stand", 5), ("bypass", 60.0), *script])
     given_again = [event for event in events if not hasattr(event, "_fields") or len(event) > 2]  # without ticks
     end_ms = (events[-1].seen_ns - tick(0).seen_ns) / MS
-    stories = []
+    expectations = []
     for phases in ([], shares):
         ticks = [tick(0.6 + (end_ms - 0.6) * share) for share in phases]
         mixed = sorted([*before, *given_again, *ticks], key=lambda event: event.seen_ns)
         supervisor = supervisor_of(**ALONE)
-        stories.append(story(feed(supervisor, [*mixed, tick(end_ms + 1e4)])))
-    assert stories[0] == stories[1]  # when the timer ticks does not show
+        expectations.append(expectation(feed(supervisor, [*mixed, tick(end_ms + 1e4)])))
+    assert expectations[0] == expectations[1]  # when the timer ticks does not show
 
 
-def test_what_a_bypass_covers_is_its_cause_now_or_on_the_way_to_standstill():
+def test_a_bypass_covers_its_cause_now_or_before_standstill():
     supervisor, _joints = stopped()
     (finding,) = (one for one in supervisor._latch.now.findings if one.level == Level.STOP)
     force = InForce(int(Cause.TYPE1), 0, "words")

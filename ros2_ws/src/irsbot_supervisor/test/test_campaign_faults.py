@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -12,22 +11,24 @@ from typing import Any
 
 import numpy as np
 import pytest
+from command import IRSBOT, PATIENCE_S
 from fake_supervisors import FakeTimidSupervisor
 
 from irsbot_msgs_py.records import Level
-from irsbot_supervisor.campaign import approach, clean, delivery, garbage, loci, resets, stamps, truth
-from irsbot_supervisor.campaign.case import Case
-from irsbot_supervisor.campaign.line import WARM_UP, Line
-from irsbot_supervisor.campaign.motion import work
-from irsbot_supervisor.campaign.registry import ENTRIES
-from irsbot_supervisor.campaign.rows import FALSE_STOPS, RECOVERY_S, TO_STOP_S, Entry, Job, Row, Tally
-from irsbot_supervisor.campaign.runner import Order, run_rows
-from irsbot_supervisor.core import assess, intake, pipeline
+from irsbot_supervisor.configuration.loading import read_settings
+from irsbot_supervisor.core import assessment, margins
+from irsbot_supervisor.core import supervisor as pipeline
+from irsbot_supervisor.core import validation as intake
 from irsbot_supervisor.core.estimation import frozen, jumps
-from irsbot_supervisor.settings_file import read_settings
-
-IRSBOT = [sys.executable, "-m", "irsbot_supervisor"]
-PATIENCE_S = 120.0
+from irsbot_supervisor.validation.harness import oracle as truth
+from irsbot_supervisor.validation.harness.case import Case
+from irsbot_supervisor.validation.harness.motion import work
+from irsbot_supervisor.validation.harness.rows import FALSE_STOPS, RECOVERY_S, TO_STOP_S, Entry, Job, Row, Tally
+from irsbot_supervisor.validation.harness.stream import WARM_UP, InputStream
+from irsbot_supervisor.validation.in_process import approach, clean, delivery, garbage, loci, stamps
+from irsbot_supervisor.validation.registry import ENTRIES
+from irsbot_supervisor.validation.runner import Order, run_rows
+from irsbot_supervisor.validation.with_nodes import resets
 
 AMOUNTS = {
     "approach": 26,
@@ -95,7 +96,7 @@ def blind(monkeypatch: pytest.MonkeyPatch) -> None:
     """The prediction is the present margins."""
 
     def now(self: Any, at: Any, *_rest: Any, **_more: Any) -> Any:
-        return assess.margins_of(at)
+        return margins.margins_of(at)
 
     monkeypatch.setattr(pipeline.StoppingPredictor, "predict", now)
 
@@ -128,7 +129,7 @@ def credulous(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def forgetful(monkeypatch: pytest.MonkeyPatch) -> None:
     """The working mode of the legs is not looked at."""
-    monkeypatch.setattr(assess.Assessor, "_mode_fault", lambda *_: "")
+    monkeypatch.setattr(assessment.Assessor, "_mode_fault", lambda *_: "")
 
 
 def obliging(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -149,7 +150,7 @@ def obliging(monkeypatch: pytest.MonkeyPatch) -> None:
         (obliging, resets.run, job(600)),
     ],
 )
-def test_a_row_finds_what_is_broken(
+def test_a_row_finds_a_broken_supervisor(
     broken: Callable[[pytest.MonkeyPatch], None],
     run: Callable[[Job], Row],
     work: Job,
@@ -185,11 +186,11 @@ def test_only_samples_that_are_clear_are_judged(monkeypatch: pytest.MonkeyPatch)
 def test_a_verdict_that_allows_motion_too_long_after_the_last_true_sample_is_unsafe() -> None:
     tally = Tally("one", job(1))
     case = Case("irsbot2", 0.5, np.random.default_rng(1), tally)
-    case.line.run(WARM_UP)
-    assert case.line.level == Level.OK
-    case.watch(case.line.now_ns - case.limit_ns)
+    case.stream.run(WARM_UP)
+    assert case.stream.level == Level.OK
+    case.watch(case.stream.now_ns - case.limit_ns)
     assert not case.unsafe
-    case.watch(case.line.now_ns - case.limit_ns - 1)
+    case.watch(case.stream.now_ns - case.limit_ns - 1)
     assert case.unsafe
 
 
@@ -210,7 +211,7 @@ def test_good_postures_are_in_the_configured_modes_and_within_the_joint_ranges(n
 
 
 def test_a_line_moves_no_faster_than_its_joints_can_and_reports_how_fast() -> None:
-    line = Line("orthoglide", np.random.default_rng(3))
+    line = InputStream("orthoglide", np.random.default_rng(3))
     before = np.array(line.position)
     for _ in range(3000):
         line.run(1)
@@ -240,13 +241,13 @@ def test_the_command_runs_the_rows_that_are_named_and_writes_their_table(tmp_pat
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "stated"),
     [(("--only", "typhoon"), "no row 'typhoon'; there are approach"), (("--robot", "hexapod"), "robot 'hexapod'")],
 )
-def test_what_the_command_does_not_know_is_refused_in_one_line(words: tuple[str, str], said: str) -> None:
+def test_an_unknown_row_or_robot_is_refused_in_one_line(words: tuple[str, str], stated: str) -> None:
     done = irsbot("faults", *words)
     assert done.returncode == 2
-    assert said in done.stderr
+    assert stated in done.stderr
     assert len(done.stderr.splitlines()) == 1
 
 

@@ -70,12 +70,12 @@ def test_singular_surfaces_and_curves(tmp_path):
     assert (tmp_path / "curve.png").stat().st_size > 10_000
 
 
-def test_a_loop_tells_that_the_assembly_mode_changed(tmp_path):
+def test_a_loop_shows_the_change_of_the_assembly_mode(tmp_path):
     words = ("--centre=-0.750995,3.180521,-0.321021", "--radius", "0.1", "--start", "5.235988")
-    said = run(
+    stated = run(
         "loop", "rrr3_base", *words, "--pose", "0.08076,0.03511,1.22907", "--samples", "181", "--plot", "loop.png"
     )
-    assert "CHANGED" in said
+    assert "CHANGED" in stated
     assert (tmp_path / "loop.png").stat().st_size > 10_000
 
 
@@ -120,7 +120,7 @@ def test_equations_of_ones_own_from_a_file(tmp_path):
         (("cells", "3rpr", "--fix", "rho1=17", "--box", "rho2=a:2", "--box", "rho3=1:2"), "must be a number"),
         (("singular", "3rpr", "--fix", "rho1=17", "--box", "x=1:2", "--box", "y=1:2", "--plot", "a.png"), "rho2, rho3"),
         (("cusps", "five_bar", "--set", "l1=abc"), "must be a number"),
-        (("cusps", "bad.yaml"), "malformed"),
+        (("cusps", "bad.yaml"), "equations must be a sequence"),
     ],
 )
 def test_bad_words_are_refused_in_one_line(words, word, tmp_path):

@@ -12,7 +12,7 @@ import polars as pl
 import pytest
 
 import irsbot_kinematics as irs
-from irsbot_supervisor.column_stream import write_chunks
+from irsbot_supervisor.bag.column_stream import write_chunks
 
 EXAMPLE = {"a1": 0.3, "a2": 0.05, "beta": pi / 4, "p": 0.04, "l2eq": 0.15}
 """[S0] (71), whose zones Figs. 17 and 18 show."""
@@ -58,24 +58,24 @@ def test_a_check_of_one_mode_on_one_side(irsbot):
 
 def test_a_check_as_json_holds_verdict_reason_and_nearest_bound(irsbot):
     code, out, _ = irsbot("check", "irsbot2_strict", "--json")
-    said = json.loads(out)
+    stated = json.loads(out)
     assert code == 0
-    assert said["free"] is True
-    assert said["geometry"]["l1"] == 0.2
-    assert said["nearest"][0]["parameter"] == "b"
-    assert said["nearest"][0]["then"] == pytest.approx(0.46 - 0.29528471273 + 0.2, abs=1e-9)
-    assert {question["name"] for question in said["questions"] if question["needed"]} >= {"equal", "opposite", "C1a"}
-    assert all(mode["free"] for mode in said["modes"])
+    assert stated["free"] is True
+    assert stated["geometry"]["l1"] == 0.2
+    assert stated["nearest"][0]["parameter"] == "b"
+    assert stated["nearest"][0]["then"] == pytest.approx(0.46 - 0.29528471273 + 0.2, abs=1e-9)
+    assert {question["name"] for question in stated["questions"] if question["needed"]} >= {"equal", "opposite", "C1a"}
+    assert all(mode["free"] for mode in stated["modes"])
 
 
 @pytest.mark.parametrize(("l1", "b", "exact"), [(0.1, 0.05, False), (0.1, 0.25, True), (0.05, 0.35, True)])
 def test_the_zones_of_the_papers_example(irsbot, l1, b, exact):
     code, out, _ = irsbot("zones", "irsbot2", *example(l1, b), "--json")
-    said = json.loads(out)
+    stated = json.loads(out)
     assert code == 0
-    assert said["seats"]["I1"]["centre_m"] == pytest.approx(0.3394, abs=5e-5)
-    assert said["seats"]["I2"]["height_m"] ** 2 == pytest.approx(0.0103, abs=5e-5)
-    assert said["zones"]["wps"] == {"exact": exact, "printed": True}
+    assert stated["seats"]["I1"]["centre_m"] == pytest.approx(0.3394, abs=5e-5)
+    assert stated["seats"]["I2"]["height_m"] ** 2 == pytest.approx(0.0103, abs=5e-5)
+    assert stated["zones"]["wps"] == {"exact": exact, "printed": True}
 
 
 def test_the_papers_example_that_cannot_be_assembled_is_refused(irsbot):
@@ -91,10 +91,10 @@ def test_zones_say_where_the_printed_answer_differs(irsbot):
 
 def test_cells_mark_the_design(irsbot):
     code, out, _ = irsbot("cells", "irsbot2_csc", "--json")
-    said = json.loads(out)
+    stated = json.loads(out)
     assert code == 0
-    assert [cell["name"] for cell in said["p"] if cell["here"]] == ["]p4, p5["]
-    assert [cell["counts"]["I"] for cell in said["l2eq"] if cell["here"]] == [2]
+    assert [cell["name"] for cell in stated["p"] if cell["here"]] == ["]p4, p5["]
+    assert [cell["counts"]["I"] for cell in stated["l2eq"] if cell["here"]] == [2]
     assert "]l2eq2, l2eq1[ *" in irsbot("cells", "irsbot2_csc")[1]
 
 
@@ -172,12 +172,12 @@ def test_a_search_writes_a_robot_that_passes_the_check(irsbot, tmp_path):
     path = tmp_path / "free.yaml"
     quick = ["--generations", 4, "--population", 3, "--slack", 0.01]
     code, out, _ = irsbot("search", *quick, "-o", path, "--json")
-    said = json.loads(out)
+    stated = json.loads(out)
     assert code == 0
-    assert said["found"]["slack_m"] >= 0.01
-    assert said["irsbot2_strict"]["slack_m"] == pytest.approx(0.0952847, abs=1e-6)
+    assert stated["found"]["slack_m"] >= 0.01
+    assert stated["irsbot2_strict"]["slack_m"] == pytest.approx(0.0952847, abs=1e-6)
     robot = irs.load_robot(path)
-    assert robot.mechanism.geometry.l1 == said["found"]["geometry"]["l1"]
+    assert robot.mechanism.geometry.l1 == stated["found"]["geometry"]["l1"]
     assert irsbot("check", path)[0] == 0
 
 
@@ -191,7 +191,7 @@ def test_a_search_in_ranges_without_a_free_design_fails(irsbot):
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "stated"),
     [
         (["check", "irsbot2", "--set", "a2=0.5"], "a1 > a2, got 0.42 against 0.5"),
         (["check", "irsbot2", "--set", "beta=0"], "beta > 0, got 0"),
@@ -221,13 +221,11 @@ def test_a_search_in_ranges_without_a_free_design_fails(irsbot):
         (["search", "--compare", "five_bar"], "'five_bar' is a five_bar"),
     ],
 )
-def test_bad_input_ends_with_code_2_and_one_line_that_says_what_would_be_right(
-    irsbot, words, said, tmp_path, monkeypatch
-):
+def test_bad_input_ends_with_code_2_and_one_line_with_the_right_form(irsbot, words, stated, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     code, out, err = irsbot(*words)
     assert code == 2
-    assert said in err
+    assert stated in err
     assert len(err.strip().splitlines()) == 1
     assert out == ""
     assert list(tmp_path.iterdir()) == []

@@ -13,11 +13,11 @@ from command import irsbot
 import irsbot_kinematics as irs
 
 
-def test_a_map_of_forces_says_what_single_postures_say(tmp_path: Path) -> None:
+def test_a_map_of_forces_agrees_with_single_postures(tmp_path: Path) -> None:
     target = tmp_path / "f.npz"
     box = ["--box", -0.3, 0.3, -0.95, -0.6]
     words = ["--what", "force", "--load", 100, "--admissible", 125, "--nodes", 7, "-o", target]
-    said = json.loads(irsbot("map", "irsbot2", *words, *box, "--json").out)
+    stated = json.loads(irsbot("map", "irsbot2", *words, *box, "--json").out)
     found, robot = np.load(target), irs.make_robot("irsbot2")
     carried = 0
     for row, z in enumerate(found["second"]):
@@ -27,7 +27,7 @@ def test_a_map_of_forces_says_what_single_postures_say(tmp_path: Path) -> None:
             np.testing.assert_allclose(found["reaction_max"][row, column], single, rtol=1e-12)
             carried += single.max() <= 125.0
     assert 0 < carried < 49, "all or nothing is carried: the fixture proves nothing"
-    assert 0.0 < said["admissible_area_m2"] < 0.6 * 0.35
+    assert 0.0 < stated["admissible_area_m2"] < 0.6 * 0.35
 
 
 def test_the_force_workspace_has_the_area_of_the_paper(tmp_path: Path) -> None:
@@ -55,7 +55,7 @@ def test_reactions_of_many_samples_are_those_of_one(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "stated"),
     [
         (["--what", "force"], "--what force wants --admissible N"),
         (["--what", "force", "--admissible", "-1"], "admissible_n must be a finite number that is not negative"),
@@ -63,6 +63,6 @@ def test_reactions_of_many_samples_are_those_of_one(tmp_path: Path) -> None:
         (["--admissible", "9"], "--admissible and --centre belong to --what force"),
     ],
 )
-def test_forces_that_make_no_sense_are_refused(words: list[str], said: str, tmp_path: Path) -> None:
+def test_forces_that_make_no_sense_are_refused(words: list[str], stated: str, tmp_path: Path) -> None:
     done = irsbot("map", "irsbot2", *words, "-o", tmp_path / "f.png")
-    assert (done.code, done.refusal.removeprefix("irsbot: ")[: len(said)]) == (2, said)
+    assert (done.code, done.refusal.removeprefix("irsbot: ")[: len(stated)]) == (2, stated)

@@ -11,7 +11,7 @@ from command import irsbot
 from matplotlib.figure import Figure
 
 import irsbot_kinematics as irs
-from irsbot_kinematics.maps import Box, type2_crossings, workspace_map
+from irsbot_kinematics.analysis.workspace_maps import Box, type2_crossings, workspace_map
 
 PRR3 = Path(__file__).parents[4] / "docs" / "examples" / "prr3" / "prr3.yaml"
 
@@ -19,8 +19,8 @@ PRR3 = Path(__file__).parents[4] / "docs" / "examples" / "prr3" / "prr3.yaml"
 @pytest.mark.parametrize("nodes", [3, 10, 101])
 def test_a_box_that_is_reached_as_a_whole_has_its_own_area(nodes: int, tmp_path: Path) -> None:
     words = ["--box", -0.1, 0.1, -0.85, -0.75, "--nodes", nodes, "-o", tmp_path / "m.npz", "--json"]
-    said = json.loads(irsbot("map", "irsbot2", *words).out)
-    assert said["reached_area"] == pytest.approx(0.02, rel=1e-12)
+    stated = json.loads(irsbot("map", "irsbot2", *words).out)
+    assert stated["reached_area"] == pytest.approx(0.02, rel=1e-12)
 
 
 def test_the_values_of_further_coordinates_stand_in_the_picture(
@@ -37,9 +37,9 @@ def test_the_values_of_further_coordinates_stand_in_the_picture(
 
 def test_a_free_rectangle_outside_of_the_box_is_not_shown_as_one_of_it(tmp_path: Path) -> None:
     away = ["map", "irsbot2", "--box", 3.0, 4.0, 3.0, 4.0, "--nodes", 5, "-o", tmp_path / "m.npz"]
-    said = irsbot(*away)
-    assert said.code == 0
-    assert "largest free rectangle below the base is not within the box" in said.out
+    stated = irsbot(*away)
+    assert stated.code == 0
+    assert "largest free rectangle below the base is not within the box" in stated.out
     assert json.loads(irsbot(*away, "--json", "--force").out)["free_in_box"] is False
 
 
@@ -54,5 +54,5 @@ def test_type_2_lines_of_any_mechanism_lie_where_its_margin_vanishes(tmp_path: P
         pose = np.array([x, y, 1.0])  # where moving the platform some way moves no joint: det dq/dX = 0
         rates = np.array([robot.inverse(pose + step) - robot.inverse(pose - step) for step in steps]) / 2e-6
         assert abs(np.linalg.det(rates)) < 1e-3
-    said = irsbot("map", PRR3, "--box", -0.3, 0.3, 0.1, 0.4, "--at", 1.0, "--nodes", 20, "-o", tmp_path / "m.png")
-    assert "Type 2 lines: read off the grid at" in said.out
+    stated = irsbot("map", PRR3, "--box", -0.3, 0.3, 0.1, 0.4, "--at", 1.0, "--nodes", 20, "-o", tmp_path / "m.png")
+    assert "Type 2 lines: read off the grid at" in stated.out

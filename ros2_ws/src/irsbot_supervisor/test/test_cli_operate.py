@@ -9,7 +9,7 @@ from command import irsbot
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "stated"),
     [
         (["set"], "Missing argument"),
         (["set", "nonsense", "1"], "no setting 'nonsense'"),
@@ -18,7 +18,7 @@ from command import irsbot
         (["set", "type1_stop", "much"], "type1_stop must be numbers, got 'much'"),
         (["set", "joint_names", "a"], "joint_names is read at the start alone"),
         (["reset", "1"], "Missing option"),
-        (["reset", "1", "--by", " ", "--because", "x"], "--by and --because must say who and why"),
+        (["reset", "1", "--by", " ", "--because", "x"], "--by and --because"),
         (["reset", "1", "--by", "Ann", "--because", "x", "--seed-pose", "0.3,here"], "--seed-pose must be numbers"),
         (["send", "velocity", "0.1", "fast"], "velocities must be numbers, got 'fast'"),
         (["send", "velocity", "nan"], "velocities must be finite"),
@@ -29,10 +29,10 @@ from command import irsbot
     ],
 )
 def test_bad_use_is_refused_in_one_line(
-    words: list[str], said: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    words: list[str], stated: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     Path("moving.csv").write_text("time_s,a,a_velocity\n0,0,0\n1,1,1\n")
     done = irsbot(*words)
     assert done.code == 2
-    assert done.refusal.startswith(f"irsbot: {said}")
+    assert done.refusal.startswith(f"irsbot: {stated}")

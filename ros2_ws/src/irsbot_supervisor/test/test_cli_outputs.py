@@ -20,17 +20,17 @@ def joints(tmp_path: Path) -> Path:
 @pytest.mark.parametrize("force", [[], ["--force"]])
 def test_the_input_is_never_overwritten(joints: Path, force: list[str]) -> None:
     same = joints.parent / "." / joints.name
-    said = irsbot("evaluate", "irsbot2", "--input", joints, "--output", same, *force)
-    assert said.code == 2
-    assert "it is the input" in said.refusal
+    stated = irsbot("evaluate", "irsbot2", "--input", joints, "--output", same, *force)
+    assert stated.code == 2
+    assert "it is the input" in stated.refusal
     assert joints.read_text() == JOINTS
 
 
 def test_a_robot_file_is_an_input_too(tmp_path: Path) -> None:
     file = tmp_path / "mine.yaml"
     file.write_text("mechanism: irsbot2\n")
-    said = irsbot("limits", file, "-o", file, "--force")
-    assert (said.code, file.read_text()) == (2, "mechanism: irsbot2\n")
+    stated = irsbot("limits", file, "-o", file, "--force")
+    assert (stated.code, file.read_text()) == (2, "mechanism: irsbot2\n")
 
 
 WRITERS = {
@@ -58,10 +58,10 @@ def test_an_existing_file_stays_without_force(
     words = WRITERS[name]
     target = Path(words[-1])
     target.write_text("mine")
-    said = irsbot(*words)
-    assert said.code == 2
+    stated = irsbot(*words)
+    assert stated.code == 2
     flag = "--overwrite" if name == "stiffness" else "--force"
-    assert said.refusal == f"irsbot: '{target}' exists; {flag} replaces it"
+    assert stated.refusal == f"irsbot: '{target}' exists; {flag} replaces it"
     assert target.read_text() == "mine"
     if name not in SLOW:
         assert irsbot(*words, flag).code == 0
@@ -105,7 +105,7 @@ def test_an_error_of_the_system_names_the_file(
     words: list[str], joints: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    said = irsbot(*words)
-    assert said.code == 2
-    assert words[-1].split("/")[0] in said.refusal
-    assert "os error" not in said.refusal
+    stated = irsbot(*words)
+    assert stated.code == 2
+    assert words[-1].split("/")[0] in stated.refusal
+    assert "os error" not in stated.refusal

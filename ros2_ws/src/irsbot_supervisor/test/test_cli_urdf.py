@@ -20,11 +20,11 @@ def test_every_shipped_robot_is_written_and_printed_alike(name: str, tmp_path: P
     assert ElementTree.parse(file).getroot().tag == "robot"
 
 
-def test_what_cannot_be_written_is_said_in_one_line():
+def test_an_output_that_cannot_be_written_is_refused_in_one_line():
     for words in (("nonsense",), ("irsbot2", "-o", "/dev/null/robot.urdf")):
-        said = irsbot("urdf", *words)
-        assert said.code == 2
-        assert words[-1].split("/robot")[0] in said.refusal
+        stated = irsbot("urdf", *words)
+        assert stated.code == 2
+        assert words[-1].split("/robot")[0] in stated.refusal
 
 
 def test_ranges_of_a_urdf_become_settings(tmp_path: Path):
@@ -41,6 +41,6 @@ def test_ranges_of_a_urdf_become_settings(tmp_path: Path):
         ("<robot><joint name='slide_1'><limit lower='1' upper='nan'/></joint></robot>", "lower must be below upper"),
     ):
         described.write_text(text)
-        said = irsbot(*words)
-        assert said.code == 2
-        assert why in said.refusal
+        stated = irsbot(*words)
+        assert stated.code == 2
+        assert why in stated.refusal

@@ -29,26 +29,26 @@ def width(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> in
 
 
 def test_no_number_of_an_assembly_mode_is_folded(width: int) -> None:
-    said = irsbot("dk", "rrr3_base", 0.3, 2.2, 4.5).out.splitlines()
-    assert max(map(len, said)) <= width
-    assert sum(line.startswith("│ pressure angle") for line in said) == (2 if width == 80 else 1)
-    firsts = [line.split("│")[1].strip() for line in said if line.startswith("│")]
+    stated = irsbot("dk", "rrr3_base", 0.3, 2.2, 4.5).out.splitlines()
+    assert max(map(len, stated)) <= width
+    assert sum(line.startswith("│ pressure angle") for line in stated) == (2 if width == 80 else 1)
+    firsts = [line.split("│")[1].strip() for line in stated if line.startswith("│")]
     assert "" not in firsts, "a cell is folded"
 
 
 def test_a_setting_takes_two_or_three_lines(width: int) -> None:
-    said = irsbot("settings", "irsbot2").out.splitlines()
-    assert max(map(len, said)) <= width
-    assert len(said) < 3 * len(fields(Settings))
-    assert "0.001..1" in "".join(said)
+    stated = irsbot("settings", "irsbot2").out.splitlines()
+    assert max(map(len, stated)) <= width
+    assert len(stated) < 3 * len(fields(Settings))
+    assert "0.001..1" in "".join(stated)
 
 
 def test_help_cuts_no_summary_short(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "80")
     for words in ([], ["design"], ["algebra"]):
-        said = irsbot(*words, "--help").out
-        assert "..." not in said.replace("[ARGS]...", "")
-        assert max(map(len, said.splitlines())) <= 80
+        stated = irsbot(*words, "--help").out
+        assert "..." not in stated.replace("[ARGS]...", "")
+        assert max(map(len, stated.splitlines())) <= 80
 
 
 @pytest.mark.parametrize("name", [name for name in COMMANDS if name not in WITHOUT_JSON])
@@ -56,11 +56,11 @@ def test_every_command_prints_json(name: str) -> None:
     assert "as_json" in inspect.signature(COMMANDS[name].callback).parameters
 
 
-def test_what_was_written_is_told_as_json(tmp_path: Path) -> None:
+def test_the_written_files_are_listed_as_json(tmp_path: Path) -> None:
     joints = tmp_path / "j.csv"
     joints.write_text("joint_1,joint_2\n2.9,-0.17\n0,0\n")
-    said = json.loads(irsbot("evaluate", "irsbot2", "--input", joints, "--output", tmp_path / "m.csv", "--json").out)
-    assert said == {"samples": 2, "assembled": 2, "file": str(tmp_path / "m.csv")}
+    stated = json.loads(irsbot("evaluate", "irsbot2", "--input", joints, "--output", tmp_path / "m.csv", "--json").out)
+    assert stated == {"samples": 2, "assembled": 2, "file": str(tmp_path / "m.csv")}
     target = tmp_path / "m.npz"
-    said = json.loads(irsbot("map", "irsbot2", "--joints", "--nodes", 5, "-o", target, "--json").out)
-    assert said["file"] == str(target)
+    stated = json.loads(irsbot("map", "irsbot2", "--joints", "--nodes", 5, "-o", target, "--json").out)
+    assert stated["file"] == str(target)

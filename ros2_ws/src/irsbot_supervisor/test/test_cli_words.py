@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import os
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
-from command import irsbot
-
-MODULE = [sys.executable, "-m", "irsbot_supervisor"]
+from command import IRSBOT, irsbot
 
 GEOMETRY = "geometry: {l1: 0.4, l2: 0.4, b: 0.2}"
 ROBOTS = {
@@ -34,7 +31,7 @@ def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "stated"),
     [
         ("ik nofile.yaml 0 -0.8", "nofile.yaml: there is no such file"),
         ("ik impossible.yaml 0 -0.8", "impossible.yaml: geometry must satisfy l1 > 0, got -1"),
@@ -48,8 +45,8 @@ def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ("evaluate irsbot2 --input semicolon.csv --output x.csv", "semicolon.csv: columns are separated by ';'"),
         ("evaluate irsbot2 --input huge.csv --output x.csv", "huge.csv: row 2 below the header, column 'joint_1'"),
         ("check-trajectory irsbot2 moves.csv", "moves.csv: row 2 below the header, column 'joint_1'"),
-        ("dk irsbot2 1e300 0", "joints must be at most 1e+06 rad or m in size"),
-        ("ik irsbot2 1e300 0", "pose must be at most 1e+06 rad or m in size"),
+        ("dk irsbot2 1e300 0", "joints (joint_1 [rad], joint_2 [rad]) must be 2 finite numbers of at most 1e+06"),
+        ("ik irsbot2 1e300 0", "pose (x [m], z [m]) must be 2 finite numbers of at most 1e+06"),
         ("design search --size -1", "a search must satisfy size > 0, got -1"),
         ("map irsbot2 --nonsense", "No such option: --nonsense"),
         ("nonsense", "No such command 'nonsense'; see irsbot --help"),
@@ -57,10 +54,10 @@ def files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         ("map irsbot2 --nodes many", "Invalid value for '--nodes': Input should be a valid integer"),
     ],
 )
-def test_a_refusal_is_one_line_with_the_file_that_is_meant(words: str, said: str) -> None:
+def test_a_refusal_is_one_line_with_the_file_that_is_meant(words: str, stated: str) -> None:
     done = irsbot(*words.split())
     assert done.code == 2
-    assert done.refusal.startswith(f"irsbot: {said}")
+    assert done.refusal.startswith(f"irsbot: {stated}")
 
 
 def test_the_version_is_that_of_the_package() -> None:
@@ -75,7 +72,7 @@ def test_a_reader_who_goes_away_ends_a_command_without_a_traceback() -> None:
     """The reader is gone before the first line comes."""
     read, write = os.pipe()
     os.close(read)
-    done = subprocess.run([*MODULE, "settings", "irsbot2"], stdout=write, stderr=subprocess.PIPE, text=True, timeout=60)
+    done = subprocess.run([*IRSBOT, "settings", "irsbot2"], stdout=write, stderr=subprocess.PIPE, text=True, timeout=60)
     os.close(write)
     assert done.stderr == ""
     assert done.returncode == 141
@@ -83,6 +80,6 @@ def test_a_reader_who_goes_away_ends_a_command_without_a_traceback() -> None:
 
 def test_examples_name_the_program_as_it_was_called(monkeypatch: pytest.MonkeyPatch) -> None:
     environment = {**os.environ, "IRSBOT_COMMAND": "./irsbot"}
-    done = subprocess.run([*MODULE, "map", "--help"], capture_output=True, text=True, timeout=60, env=environment)
+    done = subprocess.run([*IRSBOT, "map", "--help"], capture_output=True, text=True, timeout=60, env=environment)
     assert "Example: ./irsbot map" in done.stdout
     assert "Usage: ./irsbot map" in done.stdout

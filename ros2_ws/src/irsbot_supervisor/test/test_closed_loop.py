@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from irsbot_msgs_py.records import Cause, Level
-from irsbot_supervisor.closed_loop import BEGIN_NS, Cycle, GuidedRobot, cycles, record
-from irsbot_supervisor.core.intake import S
-from irsbot_supervisor.replay import read_recording
-from irsbot_supervisor.settings_file import read_settings, shipped_values
+from irsbot_msgs_py.stamps import NS_PER_S
+from irsbot_supervisor.configuration.loading import read_settings, shipped_values
+from irsbot_supervisor.replay.rejudge import read_recording
+from irsbot_supervisor.sim.closed_loop import BEGIN_NS, Cycle, GuidedRobot, cycles, record
 from irsbot_supervisor.sim.simulation import Simulation, simulation_from
 
 RATE_HZ = 500.0
@@ -27,7 +27,7 @@ def run(robot_name: str, scenario: str, seconds: float, faults: str = "", resets
     values = {"robot": robot_name, "scenario": scenario, "rate_hz": RATE_HZ, **shipped, **changes}
     simulation: Simulation = simulation_from(values, robot)
     steps = cycles(simulation, robot, settings, faults, resets_s)
-    return list(takewhile(lambda cycle: cycle.now_ns <= BEGIN_NS + seconds * S, steps))
+    return list(takewhile(lambda cycle: cycle.now_ns <= BEGIN_NS + seconds * NS_PER_S, steps))
 
 
 def spare(robot_name: str, steps: list[Cycle]) -> float:
@@ -53,7 +53,7 @@ def test_a_robot_that_obeys_stands_before_its_stop_limit_and_one_that_does_not_c
     assert spare(robot, run(robot, scenario, 1.5, obey=False)) < 0.0
 
 
-def test_work_goes_on_for_ever_without_a_stop():
+def test_work_continues_without_a_stop():
     steps = run("irsbot2", "pick_and_place", 3.0)
     levels = [cycle.level for cycle in steps]
     first = levels.index(Level.OK)
@@ -70,7 +70,7 @@ def test_the_same_simulation_runs_the_same_twice():
 
 def test_without_samples_the_robot_is_braked_and_with_them_it_goes_on():
     steps = run("irsbot2", "pick_and_place", 1.2, "drop:at=0.4,lasting=0.3")
-    levels = {round((cycle.now_ns - BEGIN_NS) / S, 3): cycle for cycle in steps}
+    levels = {round((cycle.now_ns - BEGIN_NS) / NS_PER_S, 3): cycle for cycle in steps}
     assert not levels[0.45].sent
     assert levels[0.45].level == Level.OK  # 50 ms are borne with
     assert levels[0.47].level == Level.UNKNOWN
@@ -90,7 +90,7 @@ def test_a_latched_stop_ends_with_a_reset_alone():
     assert max(events) == 1  # the reset at 0.1 s was not kept for later
 
 
-def test_what_is_recorded_is_what_happened(tmp_path: Path):
+def test_a_recording_equals_the_run(tmp_path: Path):
     settings, robot = read_settings("irsbot2")
     values = {**shipped_values(robot), "rate_hz": RATE_HZ}
     known = {key: values[key] for key in ("velocity_limit", "deceleration_limit", "rate_hz")}
@@ -100,9 +100,9 @@ def test_what_is_recorded_is_what_happened(tmp_path: Path):
     steps = list(islice(cycles(simulation, robot, settings, "", (0.1,)), round(0.5 * RATE_HZ)))
     recording = read_recording(target)
     assert [one.position for one in recording.samples] == [one.position for step in steps for one in step.sent]
-    said = [(one.sequence, one.level, one.causes, one.text, one.since_ns) for _log, one in recording.verdicts]
+    stated = [(one.sequence, one.level, one.causes, one.text, one.since_ns) for _log, one in recording.verdicts]
     verdicts = [one for step in steps for one in step.verdicts]
-    assert said == [(one.sequence, one.level, one.causes, one.text, one.since_ns) for one in verdicts]
+    assert stated == [(one.sequence, one.level, one.causes, one.text, one.since_ns) for one in verdicts]
     assert len(recording.journal) == 2  # the settings and the reset
     assert not recording.loss
 
@@ -142,7 +142,7 @@ def test_a_robot_that_is_rushed_past_the_gate_is_stopped_and_reset_when_it_was_l
     for _ in range(10):
         robot.drift()
     assert robot.now.latched
-    escape = robot.now.escape
+    escape = robot.now.escape.direction
     for _ in range(150):
         robot.beat(tuple(12.0 * share for share in escape))
     for _ in range(10):

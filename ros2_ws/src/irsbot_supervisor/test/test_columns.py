@@ -8,8 +8,8 @@ import pytest
 from typer.testing import CliRunner
 
 from irsbot_kinematics import BadInput
+from irsbot_supervisor.bag.columns import read_joint_columns, read_motion
 from irsbot_supervisor.cli.app import app
-from irsbot_supervisor.columns import read_joint_columns, read_motion
 
 NAMES = ["a", "b"]
 
@@ -48,9 +48,7 @@ def test_numbers_are_read_in_the_order_that_is_asked_for(tmp_path: Path) -> None
         (("time_s,a,b,a_velocity,b_velocity", "0,1,2,0,0", "1,1,2,0,"), "row 2 below the header, column 'b_velocity':"),
     ],
 )
-def test_what_is_wrong_is_named_with_its_file_row_and_column(
-    lines: tuple[str, ...], words: str, tmp_path: Path
-) -> None:
+def test_a_fault_is_named_with_its_file_row_and_column(lines: tuple[str, ...], words: str, tmp_path: Path) -> None:
     file = table(tmp_path, *lines)
     with pytest.raises(BadInput) as caught:
         read_motion(file, NAMES)
@@ -65,8 +63,8 @@ def test_equal_times_and_nan_are_no_fault_of_samples(tmp_path: Path) -> None:
     assert positions[2, 0] != positions[2, 0]
 
 
-def test_a_motion_given_twice_says_which_one_counts(tmp_path: Path) -> None:
+def test_of_a_motion_in_joints_and_poses_the_joints_are_used(tmp_path: Path) -> None:
     joints = "-0.3,-2.84"  # of the pose (0, -0.85) or not: they are what is certified
     file = table(tmp_path, "time_s,joint_1,joint_2,x,z", f"0,{joints},0,-0.85", f"1,{joints},0,-0.85")
-    said = CliRunner().invoke(app, ["check-trajectory", "irsbot2", str(file)])
-    assert "the motion is that of the joints; the columns x, z are not used" in said.output
+    stated = CliRunner().invoke(app, ["check-trajectory", "irsbot2", str(file)])
+    assert "the motion is that of the joints; the columns x, z are not used" in stated.output

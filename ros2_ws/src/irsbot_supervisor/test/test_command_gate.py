@@ -16,8 +16,8 @@ from supervised import at_ns, feed, joints_of, ready, resting, sample, superviso
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from irsbot_msgs_py.records import Floats, JointSample, Level
-from irsbot_supervisor.core.pipeline import Supervisor
-from irsbot_supervisor.nodes import gate as module
+from irsbot_supervisor.core.supervisor import Supervisor
+from irsbot_supervisor.nodes import commands, gate
 
 pytestmark = pytest.mark.ros
 
@@ -29,18 +29,18 @@ NEAR = (0.0, -1.198)
 def clock(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     """The gate's steady clock: `now_ns` is the time of the test."""
     now = SimpleNamespace(now_ns=at_ns(0)[1])
-    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic_ns=lambda: now.now_ns))
+    monkeypatch.setattr(gate, "time", SimpleNamespace(monotonic_ns=lambda: now.now_ns))
     return now
 
 
 @pytest.fixture
 def opened(clock: SimpleNamespace) -> Iterator[Opened]:
     """At rest, far from every limit."""
-    gate = Opened(ready()[0])
-    yield gate
-    gate.gate.end()
-    assert gate.errors == []
-    gate.obeyed()
+    cell = Opened(ready()[0])
+    yield cell
+    cell.gate.end()
+    assert cell.errors == []
+    cell.obeyed()
 
 
 class Pause:
@@ -48,7 +48,7 @@ class Pause:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.reached, self.go_on = Event(), Event()
-        monkeypatch.setattr(module, "JointTrajectoryPoint", self._point)
+        monkeypatch.setattr(commands, "JointTrajectoryPoint", self._point)
 
     def _point(self, **fields: Any) -> JointTrajectoryPoint:
         if current_thread().name == "command gate":
@@ -88,24 +88,24 @@ def test_nothing_follows_the_end_of_an_activation(opened: Opened, monkeypatch: p
     assert opened.motions == [1]
 
 
-def test_the_end_does_not_wait_for_a_motion_that_takes_for_ever(opened: Opened, monkeypatch: pytest.MonkeyPatch):
+def test_the_end_does_not_wait_for_an_endless_certification(opened: Opened, monkeypatch: pytest.MonkeyPatch):
     pause = Pause(monkeypatch)
     opened.go(near_by(opened))
     assert pause.reached.wait(PATIENCE_S)
     opened.go(near_by(opened))
     opened.gate.close()
     opened.gate.end()
-    assert opened.gate._worker.is_alive()
+    assert opened.gate._certifier._thread.is_alive()
     pause.go_on.set()
-    opened.gate._worker.join(PATIENCE_S)
-    assert not opened.gate._worker.is_alive()
+    opened.gate._certifier._thread.join(PATIENCE_S)
+    assert not opened.gate._certifier._thread.is_alive()
     assert opened.motions == [1]
 
 
 def test_a_motion_that_takes_longer_than_messages_can_say_is_held(opened: Opened):
     opened.go(near_by(opened), last_s=2_000_000_000)
     opened.until_said(1)
-    assert opened.node.said["command_out"][0].points[-1].time_from_start.sec == 2_000_000_000
+    assert opened.node.stated["command_out"][0].points[-1].time_from_start.sec == 2_000_000_000
     opened.go(near_by(opened), first_ns=2_000_000, last_s=2_000_000_000)  # too fast: slowed down as a whole
     opened.until_said(2)
     assert opened.motions[1] == 1
@@ -144,7 +144,7 @@ def test_a_hold_is_a_point_at_rest_ahead_of_the_moving_robot(opened: Opened, clo
     *_, last = moving(start, rate, 0)
     feed(supervisor, moving(start, rate, 0))
     opened.gate.beat(0)
-    opened.node.said["command_out"].clear()
+    opened.node.stated["command_out"].clear()
     match way:
         case "deactivated":
             opened.gate.close()
@@ -156,18 +156,16 @@ def test_a_hold_is_a_point_at_rest_ahead_of_the_moving_robot(opened: Opened, clo
             opened.until_said(1)
         case "nonsense":
             opened.node.hears["command_in"](JointTrajectory(joint_names=["elbow"], points=[JointTrajectoryPoint()]))
-    (said,) = opened.node.said["command_out"]
-    assert is_hold(said)
+    (stated,) = opened.node.stated["command_out"]
+    assert is_hold(stated)
     brake, latency = supervisor.settings.deceleration_limit[0], supervisor.settings.latency_s
     least = rate * rate / (2.0 * brake)
-    (point,) = said.points
+    (point,) = stated.points
     assert last.position[0] + least < point.positions[0] < last.position[0] + least + 3.0 * rate * latency
     assert point.positions[1] == pytest.approx(start[1], abs=1e-3)
 
 
-def test_without_news_of_the_robot_a_hold_stays_the_same_however_late_it_is_said(
-    opened: Opened, clock: SimpleNamespace
-):
+def test_without_new_samples_a_late_hold_is_the_same_hold(opened: Opened, clock: SimpleNamespace):
     """Where it would be by now if it had gone on is anywhere."""
     supervisor, rate = opened.gate._supervisor, 1.0
     *_, last = moving(joints_of(supervisor, 0.0, -0.85), rate, 0)
@@ -178,10 +176,10 @@ def test_without_news_of_the_robot_a_hold_stays_the_same_however_late_it_is_said
         supervisor.step(tick(99 + late_ms))
         opened.gate.beat(0)
         opened.node.hears["command_in"](JointTrajectory(joint_names=["elbow"], points=[JointTrajectoryPoint()]))
-    _first, *said = [message.points[0].positions[0] for message in opened.node.said["command_out"]]
-    assert len(said) == 4
-    assert max(said) - min(said) == 0.0
-    assert said[0] - last.position[0] < rate * (supervisor.settings.stale_s + 0.1)
+    _first, *stated = [message.points[0].positions[0] for message in opened.node.stated["command_out"]]
+    assert len(stated) == 4
+    assert max(stated) - min(stated) == 0.0
+    assert stated[0] - last.position[0] < rate * (supervisor.settings.stale_s + 0.1)
 
 
 def test_a_robot_that_a_stop_has_brought_to_rest_is_held_where_it_stands_once(opened: Opened):
@@ -196,14 +194,14 @@ def test_a_robot_that_a_stop_has_brought_to_rest_is_held_where_it_stands_once(op
     for _ in range(3):
         opened.gate.beat(0)
     assert opened.motions == [1, 1, 1]  # of the beginning, of the stop, at rest
-    assert list(opened.node.said["command_out"][-1].points[0].positions) == pytest.approx(rest)
+    assert list(opened.node.stated["command_out"][-1].points[0].positions) == pytest.approx(rest)
 
 
 def test_a_robot_that_is_found_moving_is_held(opened: Opened):
     """What runs was let through by a supervisor that is gone."""
     feed(opened.gate._supervisor, moving(joints_of(opened.gate._supervisor, 0.0, -0.85), 1.0, 0))
     opened.gate.beat(0)
-    assert [is_hold(message) for message in opened.node.said["command_out"]] == [True]
+    assert [is_hold(message) for message in opened.node.stated["command_out"]] == [True]
 
 
 @pytest.mark.parametrize("rates", [(0.2, -0.2), (0.0, 0.0)])
@@ -211,20 +209,45 @@ def test_the_last_rates_of_a_gate_that_closes_are_zeros(opened: Opened, rates: F
     """forward_command_controller keeps the last ones for ever."""
     assert opened.rates(*rates) == rates
     opened.gate.close()
-    said = [tuple(message.data) for message in opened.node.said["velocity_out"]]
-    assert said == ([rates, (0.0, 0.0)] if any(rates) else [rates])
+    stated = [tuple(message.data) for message in opened.node.stated["velocity_out"]]
+    assert stated == ([rates, (0.0, 0.0)] if any(rates) else [rates])
     opened.gate.close()
-    assert len(opened.node.said["velocity_out"]) == len(said)
+    assert len(opened.node.stated["velocity_out"]) == len(stated)
 
 
-def test_nothing_is_said_where_nothing_was_ever_known():
+def test_without_any_sample_no_hold_is_published():
     opened = Opened(supervisor_of())
     opened.go((0.1, 0.2))
     opened.gate.beat(0)
     opened.gate.close()
     opened.gate.end()
     assert opened.motions == []
-    assert opened.node.said["velocity_out"] == []
+    assert opened.node.stated["velocity_out"] == []
+
+
+def test_commands_that_may_have_waited_while_the_supervisor_was_frozen_are_void(opened: Opened, clock: SimpleNamespace):
+    """The robot has stood all the while, and its state is known again before the commands are taken."""
+    supervisor = opened.gate._supervisor
+    timeout_ms = round(1e3 * supervisor.settings.command_timeout_s)
+    q = joints_of(supervisor, 0.0, -0.85)
+    frozen_ms = timeout_ms + 50
+
+    def awake_at(ms: int) -> None:
+        clock.now_ns = at_ns(ms)[1]
+        supervisor.step(sample(ms, q))
+        assert supervisor.view is not None
+
+    feed(supervisor, resting(0, frozen_ms, q))
+    awake_at(frozen_ms)
+    assert opened.rates(0.1, -0.1) == (0.0, 0.0)
+    opened.go(near_by(opened))
+    opened.gate.beat(0)  # a heartbeat may come between commands that have waited
+    assert opened.rates(0.1, -0.1) == (0.0, 0.0)
+    assert set(opened.motions) == {1}  # holds
+    for ms in range(frozen_ms + 1, frozen_ms + timeout_ms + 1):
+        awake_at(ms)
+        opened.gate.beat(0)
+    assert opened.rates(0.1, -0.1) == (0.1, -0.1)
 
 
 def stopped() -> Supervisor:
@@ -236,12 +259,12 @@ def stopped() -> Supervisor:
     return supervisor
 
 
-def test_what_was_before_an_activation_does_not_count_in_it(monkeypatch: pytest.MonkeyPatch):
+def test_commands_before_an_activation_do_not_count_in_it(monkeypatch: pytest.MonkeyPatch):
     """A way out that had begun gives a robot that moves meanwhile no leave to go on."""
     supervisor = stopped()
-    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic_ns=lambda: supervisor.view.seen_ns))
+    monkeypatch.setattr(gate, "time", SimpleNamespace(monotonic_ns=lambda: supervisor.view.seen_ns))
     opened = Opened(supervisor)
-    away = tuple(0.2 * share for share in supervisor.view.judgement.escape)
+    away = tuple(0.2 * share for share in supervisor.view.judgement.escape.direction)
     assert any(opened.rates(*away))
     opened.gate.close()
     begin = tuple(q - 0.1 for q in joints_of(supervisor, 0.0, -0.85))

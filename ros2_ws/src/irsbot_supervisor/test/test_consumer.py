@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from irsbot_supervisor.consumer import OK, STOP, TIMEOUT_S, UNKNOWN, WARN, Consumer
-from irsbot_supervisor.sim.obedience import Obedience
+from irsbot_supervisor.sim.stop_response import StopResponse
 
 MS = 1_000_000
 BEAT_MS = 10
@@ -45,7 +45,7 @@ def moving(gated: bool = False) -> Consumer:
         (OK, 1.0, inf, 0.0),
     ],
 )
-def test_what_the_next_verdict_allows(level: int, scale: float, age_s: float, allowed: float):
+def test_the_next_verdict_sets_the_allowed_share(level: int, scale: float, age_s: float, allowed: float):
     consumer = moving()
     consumer.hear(level, 111, scale, 110 * MS, age_s)
     assert consumer.allowed(110 * MS) == allowed
@@ -127,10 +127,10 @@ def events(seed: int, gated: bool) -> list[tuple[int, int, float, int, float]]:
 
 
 @pytest.mark.parametrize("gated", [False, True])
-def test_it_never_allows_what_the_levels_alone_forbid(gated: bool):
+def test_it_never_allows_motion_that_the_levels_forbid(gated: bool):
     allowed = 0
     for seed in range(20):
-        consumer, simple = Consumer(gated=gated), Obedience(TIMEOUT_S, gated)
+        consumer, simple = Consumer(gated=gated), StopResponse(TIMEOUT_S, gated)
         for level, sequence, scale, now, age in events(seed, gated):
             consumer.hear(level, sequence, scale, now, age)
             simple.hear(level, scale, now)

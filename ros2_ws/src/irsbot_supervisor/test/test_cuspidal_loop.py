@@ -6,12 +6,12 @@ import numpy as np
 from supervised import feed, sample, settings_of, supervisor_of
 
 from irsbot_kinematics import Status
-from irsbot_kinematics.loops import certify_loop, circle
+from irsbot_kinematics.analysis.loops import certify_loop, circle
 from irsbot_msgs_py.records import Level
 
 CENTRE, RADIUS_RAD, START_RAD = (-0.750995, 3.180521, -0.321021), 0.1, 5.235988
 BEFORE, AFTER = (0.08076, 0.03511, 1.22907), (0.21813, -0.10313, 1.77226)
-"""m, m, rad: poses of rrr3_base at the same joints, printed in docs/algebra.md."""
+"""m, m, rad: poses of rrr3_base at the same joints, printed in docs/explanation/algebra.md."""
 SAMPLES = 3000
 LIMITS = {"type2_stop": 0.05, "type2_warn": 0.08, "type1_stop": 0.05, "type1_warn": 0.1}
 """Below the margins of the loop, 0.129 and 0.357."""

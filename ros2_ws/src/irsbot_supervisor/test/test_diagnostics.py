@@ -20,7 +20,7 @@ SLIDES = make_robot("linear_delta").mechanism.joints
 NAMES = ("joint_1", "joint_2")
 
 
-def test_angles_more_than_a_turn_from_zero_may_be_degrees_and_that_is_said():
+def test_angles_more_than_a_turn_from_zero_are_reported_as_possible_degrees():
     found = of_units(JOINTS, NAMES, (math.degrees(2.9), math.degrees(0.05)))
     assert found.level == DiagnosticStatus.WARN
     assert found.text.startswith("'joint_1' is at 166.2 rad, 26.4 turns from zero: ")

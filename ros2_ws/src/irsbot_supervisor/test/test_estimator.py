@@ -14,7 +14,7 @@ from supervised import settings_of
 from irsbot_msgs_py.records import Cause
 from irsbot_supervisor.core.estimation.estimate import Estimate
 from irsbot_supervisor.core.estimation.estimator import Estimator
-from irsbot_supervisor.core.intake import Accepted, Rejected
+from irsbot_supervisor.core.validation import Accepted, Rejected
 
 BEGIN_NS = 10**15
 BRAKE = 400.0  # rad/s2, shipped
@@ -47,10 +47,12 @@ def implausible(answer: Estimate | Rejected) -> bool:
     return isinstance(answer, Rejected) and answer.cause == Cause.IMPLAUSIBLE and not answer.harmless
 
 
-def moving(rates, said, begin_ms=0, end_ms=50, start=(0.0, 1.0), period_ms=1.0):
+def moving(rates, stated, begin_ms=0, end_ms=50, start=(0.0, 1.0), period_ms=1.0):
     """Samples of joints at constant rates, rad/s, that report other ones."""
     times = np.arange(begin_ms, end_ms, period_ms)
-    return [accepted(t, [q + r * (t - begin_ms) / 1e3 for q, r in zip(start, rates, strict=True)], said) for t in times]
+    return [
+        accepted(t, [q + r * (t - begin_ms) / 1e3 for q, r in zip(start, rates, strict=True)], stated) for t in times
+    ]
 
 
 def holds(estimate: Estimate, *rates: float) -> bool:
@@ -69,19 +71,21 @@ def test_reported_rates_that_the_positions_bear_out_are_reported_as_they_are():
         assert holds(answer, 5.0, -3.0)
 
 
-@pytest.mark.parametrize("said", [(), (nan, nan), (inf, -inf), (nan, -3.0), (5.0, nan)])
-def test_rates_that_are_missing_or_no_numbers_come_from_the_positions_and_are_called_degraded(said):
-    first, *later = watch(estimator(), moving((5.0, -3.0), said))
-    assert isnan(good(first).velocity[0]) or said == (5.0, nan)
+@pytest.mark.parametrize("stated", [(), (nan, nan), (inf, -inf), (nan, -3.0), (5.0, nan)])
+def test_rates_that_are_missing_or_no_numbers_come_from_the_positions_and_are_called_degraded(stated):
+    first, *later = watch(estimator(), moving((5.0, -3.0), stated))
+    assert isnan(good(first).velocity[0]) or stated == (5.0, nan)
     assert first.degraded
     for answer in later:
         assert good(answer).velocity == pytest.approx((5.0, -3.0), abs=1e-6)
         assert answer.degraded
 
 
-@pytest.mark.parametrize(("rate", "said"), [(5.0, -5.0), (-6.0, 6.0), (8.0, 1.0), (2.0, 11.0), (6.0, 0.0), (9.0, 4.5)])
-def test_a_rate_that_contradicts_the_positions_is_replaced(rate, said):
-    for answer in watch(estimator(), moving((rate, 0.0), (said, 0.0)))[8:]:
+@pytest.mark.parametrize(
+    ("rate", "stated"), [(5.0, -5.0), (-6.0, 6.0), (8.0, 1.0), (2.0, 11.0), (6.0, 0.0), (9.0, 4.5)]
+)
+def test_a_rate_that_contradicts_the_positions_is_replaced(rate, stated):
+    for answer in watch(estimator(), moving((rate, 0.0), (stated, 0.0)))[8:]:
         assert good(answer).velocity[0] == pytest.approx(rate, abs=1e-6)
         assert "joint_1" in answer.degraded
 
@@ -98,7 +102,7 @@ LIES = {
 
 @pytest.mark.parametrize("lie", LIES.values(), ids=LIES)
 @pytest.mark.parametrize("tolerance", [None, 0.3])
-def test_what_is_reported_never_hides_a_start_from_rest(lie, tolerance):
+def test_reported_velocities_never_hide_a_start_from_rest(lie, tolerance):
     """All that the drives can do. Velocities that are trusted within 0.3 rad/s may only be wrong by that; so zeros and
     halves hide nothing that positions do not contradict, and what they contradict is not used."""
     changes = {} if tolerance is None else {"velocity_tolerance": tolerance}
@@ -127,10 +131,10 @@ def test_a_tolerance_narrows_the_bounds_and_without_one_nothing_does():
     assert silent == wide
 
 
-@pytest.mark.parametrize("said", [(), (nan, -3.0), (0.0, -3.0), (5.0, 9.0)])
-def test_a_report_of_which_any_part_is_wrong_narrows_nothing(said):
+@pytest.mark.parametrize("stated", [(), (nan, -3.0), (0.0, -3.0), (5.0, 9.0)])
+def test_reported_velocities_with_a_wrong_part_narrow_no_bound(stated):
     plain = good(watch(estimator(), moving((5.0, -3.0), ()))[-1]).speeds
-    assert good(watch(estimator(velocity_tolerance=0.1), moving((5.0, -3.0), said))[-1]).speeds == plain
+    assert good(watch(estimator(velocity_tolerance=0.1), moving((5.0, -3.0), stated))[-1]).speeds == plain
 
 
 # --- how far ahead -------------------------------------------------------------------------------------------------
@@ -139,29 +143,29 @@ def test_a_report_of_which_any_part_is_wrong_narrows_nothing(said):
 def test_the_robot_goes_on_unseen_for_the_age_of_the_sample_and_until_the_next_one_has_been_judged():
     """A period of 1 ms, and as much for judging."""
     filter_ = estimator()
-    ahead = [good(filter_.update(accepted(k, (0.0, 1.0), age_ms=3.0))).ahead_s for k in range(5)]
+    ahead = [good(filter_.update(accepted(k, (0.0, 1.0), age_ms=3.0))).prediction_delay_s for k in range(5)]
     assert ahead == pytest.approx([0.003, 0.005, 0.005, 0.005, 0.005])
 
 
 def test_a_sample_from_the_future_is_not_younger_than_now():
-    assert good(estimator().update(accepted(0, (0.0, 1.0), age_ms=-15.0))).ahead_s >= 0.0
+    assert good(estimator().update(accepted(0, (0.0, 1.0), age_ms=-15.0))).prediction_delay_s >= 0.0
 
 
 def test_missing_velocities_make_the_robot_go_on_no_longer():
-    assert good(watch(estimator(), moving((5.0, 0.0), ()))[-1]).ahead_s == pytest.approx(0.002)
+    assert good(watch(estimator(), moving((5.0, 0.0), ()))[-1]).prediction_delay_s == pytest.approx(0.002)
 
 
 def test_one_gap_does_not_announce_another_but_a_slower_pace_does():
     filter_ = estimator()
     times = [0, 1, 2, 30, 31, 32, 37, 42, 47, 67, 87]
-    ahead = [good(filter_.update(accepted(t, (0.0, 1.0)))).ahead_s for t in times]
+    ahead = [good(filter_.update(accepted(t, (0.0, 1.0)))).prediction_delay_s for t in times]
     assert ahead == pytest.approx([0.0, 0.002, 0.002, 0.002, 0.002, 0.002, 0.01, 0.01, 0.01, 0.025, 0.025])
 
 
 def test_a_stated_gap_is_expected_before_any_came_so_late():
     filter_ = estimator(sample_gap_s=0.03)
     times = [0, 1, 2, 30, 31, 71, 111]
-    ahead = [good(filter_.update(accepted(t, (0.0, 1.0)))).ahead_s for t in times]
+    ahead = [good(filter_.update(accepted(t, (0.0, 1.0)))).prediction_delay_s for t in times]
     assert ahead[1:6] == pytest.approx([0.035] * 5)  # and 5 ms for judging
     assert ahead[6] == pytest.approx(0.045)  # what came later than stated twice is learned
 
@@ -171,7 +175,7 @@ def test_samples_that_come_in_bursts_are_as_rare_as_their_bursts(burst):
     filter_, ahead = estimator(), []
     for k in range(6 * burst):
         seen_ms = burst * (k // burst + 1) + 1e-3 * (k % burst)
-        ahead.append(good(filter_.update(accepted(k, (0.0, 1.0), seen_ms=seen_ms))).ahead_s)
+        ahead.append(good(filter_.update(accepted(k, (0.0, 1.0), seen_ms=seen_ms))).prediction_delay_s)
     assert min(ahead[3 * burst :]) >= burst * 1e-3 * (1.0 - 1e-3)
 
 
@@ -181,13 +185,15 @@ def test_samples_of_a_sender_whose_clock_is_ahead_are_older_than_they_say(lead_m
     for k in range(30):
         good(filter_.update(accepted(k, (0.0, 1.0), age_ms=-lead_ms)))
     late = [good(filter_.update(accepted(30 + k, (0.0, 1.0), age_ms=25.0 - lead_ms))) for k in range(400)]
-    assert min(one.ahead_s for one in late) >= 0.025 + 0.002 - 1e-9
-    assert late[-1].ahead_s == pytest.approx(0.027)
+    assert min(one.prediction_delay_s for one in late) >= 0.025 + 0.002 - 1e-9
+    assert late[-1].prediction_delay_s == pytest.approx(0.027)
 
 
 def test_one_stamp_from_the_future_does_not_make_all_samples_old():
     filter_ = estimator()
-    ahead = [good(filter_.update(accepted(k, (0.0, 1.0), age_ms=-15.0 * (k == 5)))).ahead_s for k in range(9)]
+    ahead = [
+        good(filter_.update(accepted(k, (0.0, 1.0), age_ms=-15.0 * (k == 5)))).prediction_delay_s for k in range(9)
+    ]
     assert max(ahead[7:]) == pytest.approx(0.002)
 
 
@@ -204,8 +210,8 @@ def test_one_sample_that_was_stamped_late_makes_no_jump_of_those_that_follow(rat
         stamp_ms = k + late_ms * (k == 30)
         if stamp_ms > newest_ms:  # others are out of order, which the intake tells
             newest_ms = stamp_ms
-            said = (rate, 0.0) if tells else ()
-            answer = good(filter_.update(accepted(stamp_ms, (1e-3 * rate * k, 1.0), said, seen_ms=max(k, newest_ms))))
+            stated = (rate, 0.0) if tells else ()
+            answer = good(filter_.update(accepted(stamp_ms, (1e-3 * rate * k, 1.0), stated, seen_ms=max(k, newest_ms))))
             assert not answer.branch_lost
             assert stamp_ms == 30 + late_ms or holds(answer, rate, 0.0)
     assert answer.velocity == pytest.approx((rate, 0.0))
@@ -227,11 +233,11 @@ def test_a_stamp_that_comes_too_early_is_named_and_speeds_count_as_the_limits():
 @pytest.mark.parametrize("tells", [True, False])
 def test_when_the_clock_of_the_sender_is_set_back_while_a_joint_moves_no_branch_is_lost(back_ms, rate, tells):
     """What is stamped before does not count until nothing newer came for as long as the stale limit."""
-    filter_, said = estimator(), (rate, 0.0) if tells else ()
-    watch(filter_, moving((rate, 0.0), said, 0, 50))
+    filter_, stated = estimator(), (rate, 0.0) if tells else ()
+    watch(filter_, moving((rate, 0.0), stated, 0, 50))
     for ms in range(50, 200):
         if ms - back_ms > 49 or ms > 49 + STALE_MS:
-            answer = filter_.update(accepted(ms - back_ms, (1e-3 * rate * ms, 1.0), said, seen_ms=ms))
+            answer = filter_.update(accepted(ms - back_ms, (1e-3 * rate * ms, 1.0), stated, seen_ms=ms))
             if isinstance(answer, Estimate):
                 assert not answer.branch_lost
                 assert holds(answer, rate, 0.0)
@@ -247,13 +253,13 @@ def test_a_clock_that_was_set_forward_is_no_time_that_passed(rate, ahead_ms):
     for k in range(30, 60):
         answer = good(filter_.update(accepted(k + ahead_ms, (1e-3 * rate * k, 1.0), (), seen_ms=k)))
         assert holds(answer, rate, 0.0)
-        assert answer.ahead_s <= 0.0026
+        assert answer.prediction_delay_s <= 0.0026
         assert answer.silence is None
     assert answer.velocity == pytest.approx((rate, 0.0), abs=1e-6)
 
 
 @pytest.mark.parametrize(("moved", "lost"), [(0.6, False), (-0.6, False), (1.0, True), (-3.0, True)])
-def test_when_the_clock_of_the_sender_was_set_back_a_jump_is_told_by_the_steady_clock(moved, lost):
+def test_after_the_senders_clock_was_set_back_the_steady_clock_shows_a_jump(moved, lost):
     """In the 60 ms that pass a joint gets 0.72 rad far at 12 rad/s, and a quarter more is borne with."""
     filter_ = estimator()
     watch(filter_, moving((0.0, 0.0), (0.0, 0.0), 0, 50))
@@ -316,39 +322,39 @@ def test_noise_at_full_speed_that_is_once_too_large_does_no_lasting_harm():
 # --- frozen encoders -------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("said", [1.0, 3.0, -3.0, 12.0])
+@pytest.mark.parametrize("stated", [1.0, 3.0, -3.0, 12.0])
 @pytest.mark.parametrize("frozen", [0, 1])
-def test_a_joint_that_stands_still_but_reports_motion_is_frozen_even_if_the_other_moves(said, frozen):
+def test_a_joint_that_stands_still_but_reports_motion_is_frozen_even_if_the_other_moves(stated, frozen):
     """At most the way of a full braking from 8 rad/s, 0.08 rad, may be untold, and 20 ms may pass."""
     filter_, rates = estimator(), [2.0, 2.0]
     watch(filter_, moving(rates, rates, 0, 20))
-    latest = 20 + min(max(20, 80 / abs(said)), STALE_MS) + 3  # 0.08 rad take so many ms
+    latest = 20 + min(max(20, 80 / abs(stated)), STALE_MS) + 3  # 0.08 rad take so many ms
     rates[frozen] = 0.0
     told = [2.0, 2.0]
-    told[frozen] = said
+    told[frozen] = stated
     answers = watch(filter_, moving(rates, told, 20, 150, start=(0.04, 1.04)))
     first = next(k for k, answer in enumerate(answers, 20) if implausible(answer))
     assert 40 <= first <= latest
     assert all(implausible(answer) for answer in answers[first - 20 :])
     for answer in answers[4 : first - 20]:  # until then it counts as moving as it says
-        bounds = good(answer).speeds.forward if said > 0.0 else answer.speeds.backward
-        assert bounds[frozen] >= min(abs(said), SPEED)
+        bounds = good(answer).speeds.forward if stated > 0.0 else answer.speeds.backward
+        assert bounds[frozen] >= min(abs(stated), SPEED)
 
 
-@pytest.mark.parametrize("said", [0.021, 0.1, 0.25, -0.6, 1.0])
-def test_however_slow_the_reported_motion_positions_that_stand_longer_than_the_stale_limit_are_frozen(said):
+@pytest.mark.parametrize("stated", [0.021, 0.1, 0.25, -0.6, 1.0])
+def test_however_slow_the_reported_motion_positions_that_stand_longer_than_the_stale_limit_are_frozen(stated):
     """From the standstill speed, 0.02 rad/s, on, once the way told is beyond flickering digits, 4e-5 rad. They stay
     frozen when the motion ends, until the position changes, or nobody can know more but an operator."""
     filter_ = estimator()
-    watch(filter_, moving((said, 0.0), (said, 0.0), 0, 20))
-    stuck = (said * 0.019, 1.0)
-    first = next(k for k in range(20, 100) if implausible(filter_.update(accepted(k, stuck, (said, 0.0)))))
+    watch(filter_, moving((stated, 0.0), (stated, 0.0), 0, 20))
+    stuck = (stated * 0.019, 1.0)
+    first = next(k for k in range(20, 100) if implausible(filter_.update(accepted(k, stuck, (stated, 0.0)))))
     assert 20 + STALE_MS <= first <= 20 + STALE_MS + 2
     assert all(map(implausible, watch(filter_, [accepted(k, stuck) for k in range(first + 1, 300)])))
     assert not good(filter_.update(accepted(300, (stuck[0] + 1e-4, 1.0)))).branch_lost
 
 
-def test_a_frozen_joint_that_has_come_to_rest_is_believed_again_but_not_the_branch():
+def test_a_frozen_joint_at_rest_is_accepted_again_but_its_branch_is_lost():
     """It may have gone on; who commands the drives to stand for ever because of it would never get out."""
     filter_ = estimator()
     watch(filter_, moving((2.0, 2.0), (2.0, 2.0), 0, 20))
@@ -386,12 +392,12 @@ def test_a_frozen_joint_whose_last_digit_flickers_is_frozen():
     assert all(map(implausible, answers[first:]))
 
 
-@pytest.mark.parametrize("said", [1e308, -1e16, 180.0, 15.1, nan, inf])
-def test_a_rate_that_no_joint_can_have_is_not_taken_for_the_motion_of_a_joint_that_stands(said):
+@pytest.mark.parametrize("stated", [1e308, -1e16, 180.0, 15.1, nan, inf])
+def test_a_rate_that_no_joint_can_have_is_not_taken_for_the_motion_of_a_joint_that_stands(stated):
     """15 rad/s are a quarter above the shipped limit."""
     filter_ = estimator()
     watch(filter_, moving((0.0, 0.0), (0.0, 0.0), 0, 20))
-    answer = good(filter_.update(accepted(20, (0.0, 1.0), (said, 0.0))))
+    answer = good(filter_.update(accepted(20, (0.0, 1.0), (stated, 0.0))))
     assert answer.velocity == (0.0, 0.0)
     assert answer.degraded
     for ms in range(21, 100):  # nor is its position frozen
@@ -496,7 +502,7 @@ def test_an_angle_may_have_gone_the_other_way_round():
     assert contains(answer, 0, begin - np.linspace(0.0, 4.2, 50))
 
 
-def test_positions_that_were_rejected_meanwhile_do_not_shorten_a_silence():
+def test_rejected_positions_do_not_shorten_a_silence():
     filter_ = estimator()
     watch(filter_, moving((0.0, 0.0), (0.0, 0.0), 0, 200))
     for k in range(200, 250):
@@ -549,7 +555,7 @@ def test_how_often_samples_come_is_still_known_when_silence_begins_earlier(befor
         good(filter_.update(accepted(time_ms, (0.0, 1.0))))
     filter_.configure(settings_of(stale_s=0.05)[0])
     for time_ms in times[40:]:
-        assert good(filter_.update(accepted(time_ms, (0.0, 1.0)))).ahead_s >= 0.036
+        assert good(filter_.update(accepted(time_ms, (0.0, 1.0)))).prediction_delay_s >= 0.036
 
 
 def test_a_gap_that_has_become_a_silence_counts_for_no_more_than_that():
@@ -557,7 +563,7 @@ def test_a_gap_that_has_become_a_silence_counts_for_no_more_than_that():
     for k in range(6):
         good(filter_.update(accepted(300 * k, (0.0, 1.0))))
     filter_.configure(settings_of(stale_s=0.05)[0])
-    assert good(filter_.update(accepted(1501, (0.0, 1.0)))).ahead_s == pytest.approx(0.055)
+    assert good(filter_.update(accepted(1501, (0.0, 1.0)))).prediction_delay_s == pytest.approx(0.055)
 
 
 def test_slides_are_not_compared_modulo_anything():

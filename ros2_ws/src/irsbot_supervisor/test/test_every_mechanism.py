@@ -12,10 +12,10 @@ import pytest
 import irsbot_kinematics as irs
 from irsbot_kinematics import Status
 from irsbot_msgs_py.records import Cause, Level
-from irsbot_supervisor.closed_loop import Cycle, cycles
-from irsbot_supervisor.core.assess import margins_of
+from irsbot_supervisor.configuration.loading import read_settings
+from irsbot_supervisor.core.margins import margins_of
 from irsbot_supervisor.core.stopping import limits_of
-from irsbot_supervisor.settings_file import read_settings
+from irsbot_supervisor.sim.closed_loop import Cycle, cycles
 from irsbot_supervisor.sim.scenario_file import read_scenario, scenario_names, scenario_robots
 from irsbot_supervisor.sim.simulation import simulation_from
 
@@ -89,7 +89,7 @@ def test_a_run_at_a_singularity_is_stopped_in_time(name):
 
 @every_robot
 @pytest.mark.parametrize("fault", ["nan", "freeze"])
-def test_data_that_cannot_be_believed_end_in_unknown_and_a_standing_robot(name, fault):
+def test_false_data_end_in_unknown_and_a_standing_robot(name, fault):
     done = run(name, f"{fault}:at=0.4")  # all move by then; a reading frozen at rest cannot be told from a rest
     before = [cycle.level for cycle in done[200:395]]
     assert set(before) <= {Level.OK, Level.WARN}, "work has not begun: the test proves nothing"

@@ -80,7 +80,7 @@ class Served:
         supervisor, self.here = ready()
         self.opened, self.supervisor = Opened(supervisor), supervisor
         node: Any = self.opened.node
-        node.get_clock = lambda: SimpleNamespace(now=lambda: SimpleNamespace(to_msg=lambda: Time()))
+        node.get_clock = lambda: SimpleNamespace(now=lambda: SimpleNamespace(to_msg=lambda: Time(), nanoseconds=0))
         self.server = FollowServer(node, FAKE_ACTION, self.opened.gate, supervisor)
         self._accept = accepted["handle_accepted_callback"]
         self.beat()
@@ -92,17 +92,17 @@ class Served:
 
     def send(self, goal: FakeGoal) -> None:
         """Accept a goal; returns when the gate has answered to it."""
-        said = len(self.opened.motions)
+        stated = len(self.opened.motions)
         self._accept(goal)
         if not goal.outcome:
-            self.opened.until_said(said + 1)
+            self.opened.until_said(stated + 1)
 
     def drive(self, goal: FakeGoal, *, until_ms: float = 4000.0, stuck: bool = False) -> None:
         """The robot follows what passed, 1 kHz, a beat every 10 ms, until the goal has ended."""
         self.opened.gate._out.acquire()  # the thread has said its answer
         self.opened.gate._out.release()
-        begin_ms, answer = self.now_ms, self.server._answer
-        path = answer.path if answer else None
+        begin_ms, outcome = self.now_ms, self.server._outcome
+        path = outcome.path if outcome else None
         while not goal.outcome and self.now_ms < begin_ms + until_ms:
             self.now_ms += 1.0
             if path is not None and not stuck:
@@ -137,7 +137,7 @@ def test_a_goal_that_can_be_reached_succeeds_with_feedback_on_the_way(served: Se
     assert max(abs(error) for message in goal.feedback for error in message.error.positions) < 0.05
 
 
-def test_a_goal_beyond_a_singularity_is_aborted_in_front_of_it_and_says_why(served: Served):
+def test_a_goal_beyond_a_singularity_is_aborted_before_it_with_the_reason(served: Served):
     q = served.here
     goal = FakeGoal((q[0] + 1.9, q[1] - 1.9), seconds=2.0)
     served.send(goal)
@@ -167,11 +167,11 @@ def test_a_cancelled_goal_holds_the_robot(served: Served):
     goal = FakeGoal(joints_of(served.supervisor, 0.05, -0.82))
     served.send(goal)
     served.drive(goal, until_ms=200.0)
-    said = len(served.opened.motions)
+    stated = len(served.opened.motions)
     goal.is_cancel_requested = True
     served.beat()
     assert (goal.outcome, goal.result.error_code) == ("canceled", 0)
-    assert served.opened.motions[said:] == [1]
+    assert served.opened.motions[stated:] == [1]
 
 
 def test_a_stop_aborts_a_goal(served: Served):
@@ -196,7 +196,7 @@ def test_a_second_goal_and_a_command_by_topic_end_a_goal(served: Served):
     assert (second.outcome, second.result.error_string) == ("abort", "another command came")
 
 
-def test_drives_that_do_not_follow_are_told_of(served: Served):
+def test_drives_that_do_not_follow_are_reported(served: Served):
     goal = FakeGoal(joints_of(served.supervisor, 0.05, -0.82))
     served.send(goal)
     served.drive(goal, stuck=True)

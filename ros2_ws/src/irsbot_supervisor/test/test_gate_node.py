@@ -21,14 +21,10 @@ from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from irsbot_msgs_py.records import Floats, Level
+from irsbot_supervisor.processes.suite import GATED, JOINTS, Node
 from irsbot_supervisor.sim.simulation import STANDING
-from irsbot_supervisor.suite import GATED, JOINTS, Node
 
-pytestmark = [
-    pytest.mark.ros,
-    # rclpy reads .idl files with a version of lark that still imports this module
-    pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning"),
-]
+pytestmark = pytest.mark.ros
 
 RATE_HZ = 200.0
 """Samples per second: few enough for a machine on which much else runs."""
@@ -201,7 +197,7 @@ def test_a_trajectory_that_is_none_means_hold(station: Station, goal: Floats, na
     assert not station.cell.verdicts[-1].latched
 
 
-def test_a_supervisor_that_ends_while_velocities_pass_says_zeros_and_a_hold_as_its_last_words(tmp_path: Path):
+def test_a_supervisor_that_ends_while_velocities_pass_publishes_zeros_and_a_hold_last(tmp_path: Path):
     """A velocity controller keeps what it heard last, for ever."""
     with Wire(tmp_path) as wire:
         station = Station(wire)

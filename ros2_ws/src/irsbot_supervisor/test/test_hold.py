@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from irsbot_supervisor.core.hold import hold
-from irsbot_supervisor.core.motion import JointPath
+from irsbot_supervisor.gate.hold import hold
+from irsbot_supervisor.trajectory.joint_path import JointPath
 
 BRAKES = (40.0, 400.0)
 rates = st.floats(-12.0, 12.0).map(lambda rate: round(rate, 3))

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from supervised import MS, settings_of
 
 from irsbot_msgs_py.records import Cause, Finding, Level
+from irsbot_supervisor.core.escape import NO_ESCAPE, Escape
 from irsbot_supervisor.core.latch import Judgement, Latch
 
 DWELL_MS = 50
@@ -27,6 +28,7 @@ def finding(level: Level, cause: Cause = Cause.TYPE2, value: float = 0.1) -> Fin
 
 WARN, STOP = finding(Level.WARN), finding(Level.STOP)
 UNKNOWN, LOST = finding(Level.UNKNOWN, Cause.NONFINITE), finding(Level.UNKNOWN, Cause.BRANCH)
+OUT = Escape((0.6, -0.8), Cause.TYPE2)
 
 
 def at(held: Latch, ms: float, *findings: Finding) -> Judgement:
@@ -37,7 +39,7 @@ def at(held: Latch, ms: float, *findings: Finding) -> Judgement:
 # --- worst wins, for the dwell time -----------------------------------------------------------------------------
 
 
-def test_nothing_is_known_before_anybody_has_looked():
+def test_before_the_first_finding_the_level_is_unknown():
     assert Latch(settings_of()[0]).now.level == Level.UNKNOWN
     assert Latch(settings_of()[0]).now.speed_scale == 0.0
 
@@ -81,7 +83,7 @@ def test_a_finding_that_comes_back_begins_its_dwell_time_anew():
     assert at(held, 195).level == Level.OK
 
 
-def test_a_lower_level_is_told_while_a_higher_one_dwells_and_takes_over_afterwards():
+def test_a_lower_level_is_listed_while_a_higher_one_dwells_and_follows_it():
     held = latch()
     at(held, 10, UNKNOWN)
     for ms in range(11, 80):
@@ -90,7 +92,7 @@ def test_a_lower_level_is_told_while_a_higher_one_dwells_and_takes_over_afterwar
     assert now.since_ns == 60 * MS
 
 
-def test_the_value_that_is_told_is_the_newest():
+def test_the_reported_value_is_the_newest():
     held = latch()
     at(held, 1, finding(Level.WARN, value=0.3))
     assert at(held, 2, finding(Level.WARN, value=0.2)).findings == (finding(Level.WARN, value=0.2),)
@@ -101,11 +103,11 @@ def test_the_value_that_is_told_is_the_newest():
     seen=st.lists(st.tuples(st.integers(1, 30), st.sampled_from([(), (WARN,), (UNKNOWN,), (WARN, UNKNOWN)]))),
     looks=st.lists(st.integers(1, 2000)),
 )
-def test_when_somebody_looks_does_not_show_in_what_came_into_force(seen, looks):
+def test_times_of_evaluation_do_not_change_the_judgements(seen, looks):
     """The same findings, once judged alone and once with glances in between that find nothing new: `keep` says that
     what was found last has held until then. Both are looked at once more in the end."""
 
-    def turns(with_looks: bool) -> list[tuple[int, Level, int]]:
+    def transitions(with_looks: bool) -> list[tuple[int, Level, int]]:
         held = Latch(settings_of(dwell_s=DWELL_MS / 1e3)[0])
         times: list[tuple[int, tuple[Finding, ...] | None]] = []
         now = 0
@@ -123,10 +125,10 @@ def test_when_somebody_looks_does_not_show_in_what_came_into_force(seen, looks):
             else:
                 held.update(list(last), when)
         held.update(list(last), now + 10**10)
-        return [(turn.since_ns, turn.level, turn.causes) for turn in held.turns if turn.since_ns]
+        return [(turn.since_ns, turn.level, turn.causes) for turn in held.take_transitions() if turn.since_ns]
 
     # A glance before the first finding finds nothing and says so: OK from then on. It is left out of the comparison.
-    plain, glanced = turns(False), turns(True)
+    plain, glanced = transitions(False), transitions(True)
     assert [turn for turn in glanced if turn[1] != Level.OK] == [turn for turn in plain if turn[1] != Level.OK]
 
 
@@ -134,9 +136,9 @@ def test_judgements_come_into_force_in_the_order_of_their_time():
     held = latch()
     at(held, 10, WARN)
     at(held, 20, UNKNOWN)
-    held.turns.clear()
+    held.take_transitions()
     at(held, 1000)  # nobody looked meanwhile: 60 ms ended the warning, 70 ms the rest
-    assert [(turn.since_ns, turn.level) for turn in held.turns] == [
+    assert [(turn.since_ns, turn.level) for turn in held.take_transitions()] == [
         (60 * MS, Level.UNKNOWN),
         (70 * MS, Level.OK),
     ]
@@ -146,7 +148,7 @@ def test_judgements_come_into_force_in_the_order_of_their_time():
 
 
 @pytest.mark.parametrize("one", [STOP, LOST, finding(Level.UNKNOWN, Cause.BRANCH | Cause.TYPE2)])
-def test_a_stop_is_held_for_ever(one):
+def test_a_stop_is_held_without_end(one):
     held = latch()
     first = at(held, 10, one)
     assert first.latched
@@ -160,7 +162,7 @@ def test_a_stop_is_held_for_ever(one):
 
 
 @pytest.mark.parametrize("one", [WARN, UNKNOWN, finding(Level.UNKNOWN, Cause.STALE)])
-def test_what_is_no_stop_is_not_held(one):
+def test_other_levels_are_not_latched(one):
     assert not at(latch(), 10, one).latched
 
 
@@ -175,12 +177,12 @@ def test_a_stop_within_a_stop_is_the_same_event_and_a_stop_after_a_reset_the_nex
 
 def test_the_escape_direction_is_that_of_the_stop_and_goes_with_it():
     held = latch()
-    held.update([STOP], 10 * MS, (0.6, 0.8))
-    assert held.now.escape == (0.6, 0.8)
-    held.update([finding(Level.STOP, Cause.TYPE1)], 11 * MS, (1.0, 0.0))
-    assert held.now.escape == (0.6, 0.8)
+    held.update([STOP], 10 * MS, OUT)
+    assert held.now.escape == OUT
+    held.update([finding(Level.STOP, Cause.TYPE1)], 11 * MS, Escape((1.0, 0.0), Cause.TYPE1))
+    assert held.now.escape == OUT
     held.reset(1, 12 * MS, True, [])
-    assert held.now.escape == ()
+    assert held.now.escape == NO_ESCAPE
 
 
 def test_settings_that_change_clear_nothing():
@@ -303,10 +305,10 @@ def test_a_branch_that_is_confirmed_where_the_robot_must_not_stay_leaves_a_stop_
     held = latch()
     at(held, 10, LOST, STOP)
     assert (held.now.event, held.now.level) == (1, Level.UNKNOWN)
-    refusal = held.reset(1, 300 * MS, True, [STOP], (0.6, -0.8))
+    refusal = held.reset(1, 300 * MS, True, [STOP], OUT)
     assert "confirmed" in refusal
     assert (held.now.event, held.now.level, held.now.latched) == (2, Level.STOP, True)
-    assert held.now.escape == (0.6, -0.8)
+    assert held.now.escape == OUT
     assert held.reset(2, 301 * MS, True, [STOP])
     assert held.reset(2, 400 * MS, True, []) == ""
 

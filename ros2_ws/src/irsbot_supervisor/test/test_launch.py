@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from irsbot_supervisor.launch_arguments import ARGUMENTS, BadArgument, NodeEnded, ended, given
+from irsbot_supervisor.nodes.launch_arguments import ARGUMENTS, BadArgument, NodeEnded, ended, given
 
 FILE = Path(__file__).parents[1] / "launch" / "supervision.launch.py"
 
@@ -72,7 +72,7 @@ def test_every_word_for_false_leaves_them_free_and_leaves_nodes_out(monkeypatch:
     assert names(FakeLaunch(monkeypatch, simulate=word, record=word)) == ["kinematics", "supervisor"]
 
 
-def test_every_node_gets_what_was_said(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+def test_every_node_gets_the_given_arguments(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     file = tmp_path / "mine.yaml"
     file.write_text("/**: {ros__parameters: {type2_stop: 0.2}}\n")
     told = {
@@ -112,7 +112,7 @@ def test_by_default_nothing_is_respawned_and_the_file_of_parameters_keeps_its_ti
 
 def test_a_node_that_refuses_its_parameters_ends_the_launch_with_an_error(monkeypatch: pytest.MonkeyPatch):
     on_exit = FakeLaunch(monkeypatch).node("supervisor")["on_exit"]
-    with pytest.raises(NodeEnded, match="supervisor refused what it was told"):
+    with pytest.raises(NodeEnded, match="supervisor refused"):
         on_exit(SimpleNamespace(returncode=2), SimpleNamespace(is_shutdown=False))
     on_exit(SimpleNamespace(returncode=2), SimpleNamespace(is_shutdown=True))
     ended("recorder", 0, False)
@@ -137,16 +137,16 @@ def test_a_supervisor_that_is_respawned_starts_latched_each_time(monkeypatch: py
 
 
 @pytest.mark.parametrize(
-    ("told", "said"),
+    ("told", "stated"),
     [
         ({"gate": "maybe"}, "gate:=maybe must be true or false"),
         ({"log_level": "loud"}, "log_level:=loud must be one of debug"),
         ({"params_file": "/nowhere.yaml"}, "params_file:=/nowhere.yaml is no file"),
     ],
 )
-def test_an_argument_that_means_nothing_is_refused(told: dict[str, str], said: str):
+def test_an_argument_that_means_nothing_is_refused(told: dict[str, str], stated: str):
     defaults = {name: value for name, value, _text in ARGUMENTS}
-    with pytest.raises(BadArgument, match=said):
+    with pytest.raises(BadArgument, match=stated):
         given({**defaults, **told})
 
 
@@ -180,7 +180,7 @@ def test_an_executable_that_is_asked_to_end_while_it_loads_does_so_quietly(numbe
 
 
 @pytest.mark.parametrize("library", ["mcap", "zstandard"])
-def test_an_executable_without_one_of_its_libraries_says_so_in_one_line(library: str):
+def test_an_executable_without_one_of_its_libraries_names_it_in_one_line(library: str):
     then = f"raise ModuleNotFoundError(name='{library}')"
     done = subprocess.run(
         [sys.executable, "-c", LOADING.format(library=library, then=then)], capture_output=True, text=True, timeout=30

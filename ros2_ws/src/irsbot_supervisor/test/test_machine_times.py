@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from irsbot_supervisor.core.machine_times import Times, longest, proposals
-from irsbot_supervisor.settings_file import read_settings
+from irsbot_supervisor.configuration.loading import read_settings
+from irsbot_supervisor.configuration.machine_times import Times, longest, proposals
 
 SETTINGS, _ROBOT = read_settings("irsbot2")
 
@@ -15,20 +15,20 @@ def test_the_longest_gap_and_delay_count() -> None:
     assert met == pytest.approx(Times(0.03, 0.015, 0.004))
 
 
-def test_a_quick_computer_keeps_what_is_in_force() -> None:
+def test_a_fast_computer_keeps_the_times_in_force() -> None:
     found = proposals(SETTINGS, Times(0.002, 0.011, 0.002))
     assert all(one.kept for one in found)
     assert [one.value for one in found] == [SETTINGS.stale_s, SETTINGS.heartbeat_s, SETTINGS.latency_s]
 
 
-def test_a_slow_computer_is_told_what_it_could_keep() -> None:
+def test_for_a_slow_computer_longer_times_are_proposed() -> None:
     stale, heartbeat, latency = proposals(SETTINGS, Times(0.0404, 0.03, 0.0301))
     assert (stale.kept, stale.value) == (False, 0.081)
     assert (heartbeat.kept, heartbeat.value) == (False, 0.015)
     assert (latency.kept, latency.value) == (False, 0.046)
 
 
-def test_nothing_heard_is_nothing_kept() -> None:
+def test_without_verdicts_no_time_is_kept() -> None:
     found = proposals(SETTINGS, longest([], [], []))
     assert not any(one.kept for one in found)
     assert found[1].value == 0.02  # the largest heartbeat there is

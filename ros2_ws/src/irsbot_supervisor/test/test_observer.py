@@ -114,7 +114,7 @@ def periods(rng: np.random.Generator, jitter_s: float, mean_s: float = 1e-3) -> 
     [(0.0, 0.0), (1e-5, 0.0), (1e-5, 5e-5), (1e-4, 2e-5), (1e-3, 0.0), (1e-3, 1e-4)],
 )
 @pytest.mark.parametrize("turns", [True, False], ids=["angles and slides", "slides"])
-def test_no_joint_is_faster_than_its_bound_whatever_it_does(gain, resolution, jitter_s, turns):
+def test_no_joint_is_faster_than_its_bound(gain, resolution, jitter_s, turns):
     """36 cases, 936,000 samples of a joint, braking up to 20 times harder than speeding up."""
     rng = np.random.default_rng(int(gain + 1e6 * resolution + 1e7 * jitter_s) + turns)
     settings = settings_for(JOINTS, gain, encoder_resolution=resolution, stamp_jitter_s=jitter_s)
@@ -145,7 +145,7 @@ def test_a_joint_that_may_have_gone_round_between_two_samples_is_not_taken_for_a
 @pytest.mark.parametrize("period_s", [2.5e-4, 1e-3, 4e-3])
 @pytest.mark.parametrize(("gain", "brake"), [(400.0, 400.0), (100.0, 400.0), (400.0, 100.0)])
 @pytest.mark.parametrize(("resolution", "jitter_s"), [(1e-5, 0.0), (1e-5, 5e-5), (1e-3, 0.0)])
-def test_the_bounds_exceed_true_speeds_by_no_more_than_is_said(period_s, gain, brake, resolution, jitter_s):
+def test_the_bounds_exceed_true_speeds_by_at_most_the_stated_excess(period_s, gain, brake, resolution, jitter_s):
     """Of joints that brake no harder than configured, once as many samples are there as tell the most."""
     rng = np.random.default_rng(6)
     settings = settings_for(JOINTS, gain, brake, encoder_resolution=resolution, stamp_jitter_s=jitter_s)
@@ -192,7 +192,7 @@ def fed(observer: Observer, way: Callable[[float], float], count: int, begin: in
 @pytest.mark.parametrize("share", [1.5, 2.0, 5.0])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize("resolution", [0.0, 1e-5])
-def test_a_joint_that_speeds_up_harder_than_it_can_is_told(share, sign, resolution):
+def test_a_joint_that_accelerates_beyond_its_limit_is_reported(share, sign, resolution):
     """From rest with `share` times 400 rad/s2: in the first millisecond it goes share * 0.2 mrad and is taken to stand
     with what the resolution leaves open, at most."""
     observer = Observer(settings_for(1, encoder_resolution=resolution, stamp_jitter_s=0.0), coordinates(1, True))
@@ -202,7 +202,7 @@ def test_a_joint_that_speeds_up_harder_than_it_can_is_told(share, sign, resoluti
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_joint_that_speeds_up_with_all_it_can_or_stops_at_once_is_believed(sign):
+def test_a_joint_at_its_acceleration_limit_or_stopped_at_once_is_accepted(sign):
     observer = Observer(settings_for(1, encoder_resolution=0.0, stamp_jitter_s=0.0), coordinates(1, True))
 
     def way(t: float) -> float:

@@ -11,8 +11,8 @@ from command import irsbot
 
 import irsbot_kinematics as irs
 from irsbot_msgs_py.records import Level
-from irsbot_supervisor.closed_loop import cycles
-from irsbot_supervisor.settings_file import read_settings
+from irsbot_supervisor.configuration.loading import read_settings
+from irsbot_supervisor.sim.closed_loop import cycles
 from irsbot_supervisor.sim.errors import BadScenario, BadSetting
 from irsbot_supervisor.sim.own_workspace import cycle_of, is_shipped, start_of
 from irsbot_supervisor.sim.scenario_file import read_scenario
@@ -21,7 +21,7 @@ from irsbot_supervisor.sim.simulation import STANDING, build, simulation_from
 PRR3 = Path(__file__).parents[4] / "docs" / "examples" / "prr3" / "prr3.yaml"
 
 PRINTED = "mechanism: five_bar\ngeometry: {l1: 0.25, l2: 0.40, b: 0.10}\n"
-"""The lengths that docs/mechanisms.md prints for a machine of one's own."""
+"""The lengths that docs/reference/mechanisms.md prints for a machine of one's own."""
 
 
 @pytest.fixture

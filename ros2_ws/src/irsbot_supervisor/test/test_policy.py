@@ -9,9 +9,10 @@ from supervised import settings_of
 
 from irsbot_kinematics import Status
 from irsbot_msgs_py.records import Cause, Finding, Level
-from irsbot_supervisor.core.assess import Assessment, margins_of
+from irsbot_supervisor.core.assessment import Assessment
 from irsbot_supervisor.core.estimation.estimate import Estimate, Speeds
-from irsbot_supervisor.core.policy import KINDS, OBSERVABLE, Policy
+from irsbot_supervisor.core.margins import MARGIN_CAUSES, margins_of
+from irsbot_supervisor.core.policy import OBSERVABLE, Policy
 
 LIMITS = {
     **{"type1_warn": 0.3, "type1_stop": 0.2, "type2_warn": 0.4, "type2_stop": 0.1},
@@ -28,7 +29,7 @@ assert AT.status == Status.SOLVED
 
 
 def judge(
-    floor=GOOD,
+    certified=GOOD,
     now=GOOD,
     *,
     velocity=(0.0, 0.0),
@@ -43,7 +44,9 @@ def judge(
     settings = settings_of(**{**LIMITS, **changes})[0] if changes else SETTINGS
     still = Speeds((0.0, 0.0), (0.0, 0.0))
     estimate = Estimate(1, 1, 1, AT.joints, velocity, (), still, degraded, steady_s=steady_s)
-    return Policy(settings, ROBOT.mechanism.joints).judge(estimate, Assessment(at, now, branch), floor, reaction, held)
+    return Policy(settings, ROBOT.mechanism.joints).judge(
+        estimate, Assessment(at, now, branch), certified, reaction, held
+    )
 
 
 def only(findings: list[Finding]) -> Finding:
@@ -76,13 +79,13 @@ def test_a_floor_is_graded_against_warn_and_stop(kind):
         (-inf, Level.STOP),
         (nan, Level.STOP),
     ]
-    for floor, level in table:
-        findings = judge(with_value(kind, floor))
-        assert [finding.level for finding in findings] == ([level] if level is not None else []), floor
+    for certified, level in table:
+        findings = judge(with_value(kind, certified))
+        assert [finding.level for finding in findings] == ([level] if level is not None else []), certified
         for finding in findings:
-            assert finding.cause == KINDS[kind] | Cause.BRAKING  # the robot itself is still far away
+            assert finding.cause == MARGIN_CAUSES[kind] | Cause.BRAKING  # the robot itself is still far away
             assert finding.limit == (warn if level == Level.WARN else stop)
-            assert finding.value == floor or finding.value != finding.value
+            assert finding.value == certified or finding.value != finding.value
 
 
 @pytest.mark.parametrize("kind", range(4))
@@ -90,7 +93,7 @@ def test_a_floor_is_graded_against_warn_and_stop(kind):
 def test_a_margin_that_is_itself_below_its_limit_is_named_with_its_own_value(kind, share):
     now = STOP[kind] * share
     finding = only(judge(with_value(kind, now), with_value(kind, now)))
-    assert (finding.cause, finding.level, finding.limit) == (KINDS[kind], Level.STOP, STOP[kind])
+    assert (finding.cause, finding.level, finding.limit) == (MARGIN_CAUSES[kind], Level.STOP, STOP[kind])
     assert finding.value == now or now != now
 
 
@@ -113,25 +116,29 @@ def test_every_margin_that_is_not_good_is_a_finding_of_its_own():
 def test_a_warning_ends_above_the_limit_where_it_began(kind):
     warn = WARN[kind]
     release = warn * 1.1
-    held = int(KINDS[kind])
-    for floor, expected in [(warn, 1), (below(release), 1), (release, 0), (inf, 0)]:
-        assert len(judge(with_value(kind, floor), held=held)) == expected, floor
-        assert judge(with_value(kind, floor), held=0) == []
-        assert judge(with_value(kind, floor), held=int(Cause.STALE | Cause.SPEED)) == []
+    held = int(MARGIN_CAUSES[kind])
+    for certified, expected in [(warn, 1), (below(release), 1), (release, 0), (inf, 0)]:
+        assert len(judge(with_value(kind, certified), held=held)) == expected, certified
+        assert judge(with_value(kind, certified), held=0) == []
+        assert judge(with_value(kind, certified), held=int(Cause.STALE | Cause.SPEED)) == []
     lingering = only(judge(with_value(kind, warn), held=held))
-    assert (lingering.cause, lingering.level, lingering.limit) == (KINDS[kind], Level.WARN, pytest.approx(release))
+    assert (lingering.cause, lingering.level, lingering.limit) == (
+        MARGIN_CAUSES[kind],
+        Level.WARN,
+        pytest.approx(release),
+    )
 
 
 def test_a_held_cause_makes_no_bad_margin_good():
-    for floor in (nan, 0.0):
-        assert only(judge(with_value(1, floor), held=int(Cause.TYPE2))).level == Level.STOP
+    for certified in (nan, 0.0):
+        assert only(judge(with_value(1, certified), held=int(Cause.TYPE2))).level == Level.STOP
 
 
 # --- motion -----------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("joint", [0, 1])
-def test_a_joint_faster_than_its_limit_is_told(joint):
+def test_a_joint_faster_than_its_limit_is_reported(joint):
     limit = (3.0, 5.0)[joint]
     for rate, told in [(0.0, 0), (limit, 0), (-limit, 0), (limit * 1.001, 1), (-limit * 1.001, 1), (inf, 1)]:
         velocity = tuple(rate if i == joint else 0.0 for i in range(2))
@@ -180,7 +187,7 @@ def test_a_branch_that_is_not_known_is_no_knowledge_beside_everything_else():
 
 @pytest.mark.parametrize("status", [Status.UNREACHABLE, Status.SINGULAR, Status.INVALID])
 @pytest.mark.parametrize("gap", [-0.02, 0.0, nan])
-def test_joints_to_which_no_pose_belongs_are_no_knowledge_whatever_else_is_said(status, gap):
+def test_joints_without_a_pose_are_unknown(status, gap):
     at = AT._replace(status=status, gaps=(gap, nan))
     finding = only(judge(GOOD, at=at))  # even with an outlook that promises everything
     assert (finding.cause, finding.level) == (Cause.NOT_ASSEMBLED, Level.UNKNOWN)
@@ -191,7 +198,7 @@ def test_joints_to_which_no_pose_belongs_are_no_knowledge_whatever_else_is_said(
 
 
 @pytest.mark.parametrize(("word", "level"), [("none", None), ("warn", Level.WARN), ("stop", Level.STOP)])
-def test_a_leg_force_is_graded_as_its_word_says(word, level):
+def test_a_leg_force_is_graded_by_its_setting(word, level):
     table = [(0.0, 0), (100.0, 0), (-100.0, 0), (100.1, 1), (-100.1, 1), (inf, 1), (nan, 1)]
     for force, found in table:
         findings = judge(reaction=(0.0, force), reaction_check=word)
@@ -202,7 +209,7 @@ def test_a_leg_force_is_graded_as_its_word_says(word, level):
 def test_near_type_1_a_force_that_cannot_be_observed_is_left_to_the_type_1_margin():
     """Dividing by a sine of less than 0.1 tells nothing: the force is NaN by design there, and not for lack of data."""
     for sine, found in [(0.9 * OBSERVABLE, 0), (OBSERVABLE, 1), (nan, 1)]:
-        findings = judge(reaction=(0.0, nan), at=AT._replace(sines=(0.9, sine)), reaction_check="stop")
+        findings = judge(reaction=(0.0, nan), at=AT._replace(normalised_levers=(0.9, sine)), reaction_check="stop")
         assert len(findings) == found, sine
 
 
@@ -210,6 +217,6 @@ def test_near_type_1_a_force_that_cannot_be_observed_is_left_to_the_type_1_margi
 
 
 def test_the_worst_leg_counts_and_what_a_robot_does_not_have_cannot_fall():
-    at = AT._replace(sines=(-0.2, 0.7), cos_pressure=(0.6, 0.5), constraint=nan, limb=())
+    at = AT._replace(normalised_levers=(-0.2, 0.7), cos_pressure=(0.6, 0.5), constraint=nan, limb=())
     assert margins_of(at) == (0.2, 0.5, inf, inf)
     assert margins_of(at._replace(constraint=0.3, limb=(0.8, 0.1))) == (0.2, 0.5, 0.3, 0.1)

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from math import nan
+from math import inf, nan
 
 import numpy as np
 import pytest
 from supervised import feed, joints_of, ready, reset, resting, sample, settings_of, supervisor_of, tick
 
-from irsbot_msgs_py.records import Cause, Level
-from irsbot_supervisor.closed_loop import GuidedRobot
-from irsbot_supervisor.core.certify import certify
-from irsbot_supervisor.core.motion import Command
-from irsbot_supervisor.core.motion_gate import MotionGate, Situation
+from irsbot_msgs_py.records import Cause, Finding, Level
+from irsbot_supervisor.core.escape import NO_ESCAPE, escape_of
+from irsbot_supervisor.core.estimation.estimate import Estimate, Speeds
+from irsbot_supervisor.core.margins import MARGIN_CAUSES, margins_of
+from irsbot_supervisor.core.position_limits import PositionLimits
 from irsbot_supervisor.core.settings import InvalidSettings
 from irsbot_supervisor.core.stopping import limits_of
+from irsbot_supervisor.gate.trajectory_gate import MotionGate, Situation
+from irsbot_supervisor.sim.closed_loop import GuidedRobot
+from irsbot_supervisor.trajectory.joint_path import Command
+from irsbot_supervisor.trajectory.verification import certify
 
 MIDDLE = (0.0, -0.85)
 Q = tuple(joints_of(supervisor_of(), *MIDDLE))
@@ -60,6 +64,7 @@ def test_a_joint_that_runs_at_its_limit_is_stopped_inside(sign: float, rate: flo
         farthest = max(farthest, abs(guided.drives.now.position[1] - Q[1]))
     assert guided.now.level == Level.STOP
     assert guided.now.causes & Cause.POSITION
+    assert guided.now.escape == ((0.0, -sign), Cause.POSITION)
     assert 0.4 * ROOM < farthest < ROOM
 
 
@@ -108,9 +113,73 @@ def test_a_commanded_trajectory_ends_inside():
     allowed = MotionGate(settings, robot).motion(
         command, Situation(at, (0.0, 0.0), 1.0, limits_of(settings, "stop"), 0.004)
     )
-    assert "leaves its range" in allowed.text
+    assert "leaves its range" in allowed.answer.text
     assert allowed.path is not None
     assert 0.5 * ROOM < max(point[1] for point in allowed.path.positions) - Q[1] < ROOM
+
+
+@pytest.mark.parametrize("joint", [0, 1])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_the_verdict_has_the_way_back_into_the_range(joint: int, sign: float):
+    supervisor, q = ready(pose=MIDDLE, **RANGES)
+    away = sign * (ROOM + 0.01) * np.eye(2)[joint]
+    way = np.linspace(0.0, 1.0, 500)
+    feed(supervisor, [sample(ms, q + share * away) for ms, share in enumerate(way)])
+    feed(supervisor, resting(len(way), 800, tuple(q + away)))
+    stop = supervisor.step(tick(800)).verdict
+    assert stop is not None
+    assert stop.latched
+    assert stop.escape_cause == Cause.POSITION
+    assert tuple(stop.escape_direction) == tuple(-sign * np.eye(2)[joint])
+    back = np.linalg.norm(away) * np.array(stop.escape_direction)
+    feed(supervisor, [sample(801 + ms, q + away + share * back) for ms, share in enumerate(np.linspace(0.0, 1.0, 500))])
+    feed(supervisor, resting(1301, 1600, q))
+    assert supervisor.step(reset(1600, stop.event)).refusal == ""
+
+
+def finding(cause: Cause, level: Level = Level.STOP) -> Finding:
+    return Finding(cause, level, 0.1, 0.2, "1", "")
+
+
+@pytest.mark.parametrize(
+    ("found", "cause"),
+    [
+        ([finding(Cause.POSITION)], Cause.POSITION),
+        ([finding(Cause.REACTION), finding(Cause.POSITION | Cause.BRAKING)], Cause.POSITION),
+        ([finding(Cause.TYPE1, Level.WARN), finding(Cause.POSITION)], Cause.POSITION),
+        ([finding(Cause.TYPE1 | Cause.BRAKING), finding(Cause.POSITION)], Cause.TYPE1),
+        ([finding(Cause.TYPE2), finding(Cause.TYPE1)], Cause.TYPE2),
+        ([finding(Cause.CONSTRAINT), finding(Cause.POSITION)], Cause.CONSTRAINT),
+    ],
+)
+def test_the_way_out_names_the_one_of_several_causes_that_it_serves(found: list[Finding], cause: Cause):
+    _settings, robot = settings_of("irsbot2")
+    at = robot.mechanism.posture(tuple(np.add(Q, (0.1, 0.0))), -1)  # not symmetric: every margin has a slope
+    out = escape_of(robot.mechanism, at, found, (1.0, -1.0))
+    assert out.cause == cause
+    assert np.hypot(*out.direction) == pytest.approx(1.0)
+    if cause == Cause.POSITION:
+        assert out.direction == pytest.approx((0.5**0.5, -(0.5**0.5)))
+    else:
+        kind = MARGIN_CAUSES.index(cause)
+        ahead = robot.mechanism.track(tuple(np.add(at.joints, np.multiply(1e-3, out.direction))), at)
+        assert margins_of(ahead)[kind] > margins_of(at)[kind]
+
+
+@pytest.mark.parametrize("found", [[], [finding(Cause.REACTION)], [finding(Cause.POSITION, Level.WARN)]])
+def test_where_nothing_is_known_to_help_there_is_no_way_out(found: list[Finding]):
+    _settings, robot = settings_of("irsbot2")
+    assert escape_of(robot.mechanism, robot.mechanism.posture(Q, -1), found, (1.0, 0.0)) == NO_ESCAPE
+
+
+def test_a_joint_that_can_reach_both_ends_of_its_range_has_no_way_back():
+    settings, robot = settings_of("irsbot2", **RANGES)
+    fast = Speeds((6.0, 6.0), (6.0, 0.0))
+    near = (Q[0], Q[1] + 0.9 * ROOM)
+    estimate = Estimate(1, 1, 1, near, (0.0, 0.0), (), fast, prediction_delay_s=0.02, steady_s=inf)
+    limits = PositionLimits(settings, robot.mechanism.joints)
+    assert len(limits.judge(estimate)) == 2
+    assert limits.into_range(estimate) == (0.0, -1.0)
 
 
 def test_after_a_first_sample_only_the_place_counts():

@@ -13,7 +13,7 @@ pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
 from supervised import ready, sample
 
-from irsbot_kinematics.urdf import urdf
+from irsbot_kinematics.description.urdf import urdf
 from irsbot_supervisor.nodes import posture as module
 from irsbot_supervisor.nodes.posture import PosturePublisher
 
@@ -28,12 +28,12 @@ class FakeNode:
     """Keeps what is published, and the callback of the timer."""
 
     def __init__(self, listeners: int = 1) -> None:
-        self.said: dict[str, list[Any]] = {}
+        self.stated: dict[str, list[Any]] = {}
         self.listeners = listeners
 
     def create_publisher(self, _kind: Any, topic: str, _qos: Any, **_more: Any) -> Any:
-        said = self.said.setdefault(topic, [])
-        return SimpleNamespace(publish=said.append, get_subscription_count=lambda: self.listeners)
+        stated = self.stated.setdefault(topic, [])
+        return SimpleNamespace(publish=stated.append, get_subscription_count=lambda: self.listeners)
 
     def create_timer(self, _period: float, callback: Any, **_more: Any) -> None:
         self.beat = callback
@@ -67,7 +67,7 @@ def _raise(error: Exception) -> None:
 def test_frames_and_driven_joints_lead_to_where_the_platform_is(monkeypatch: pytest.MonkeyPatch):
     node, _publisher, state = told(monkeypatch)
     node.beat()
-    (frames,) = node.said["/tf"]
+    (frames,) = node.stated["/tf"]
     root = ElementTree.fromstring(urdf(ready()[0].robot))
     by_child = {frame.child_frame_id: frame for frame in frames.transforms}
     assert all(frame.header.frame_id.startswith("left/") for frame in frames.transforms)
@@ -91,17 +91,17 @@ def test_frames_and_driven_joints_lead_to_where_the_platform_is(monkeypatch: pyt
     np.testing.assert_allclose(where["platform"][0], np.eye(3), atol=1e-9)
 
 
-def test_each_state_is_told_once_and_only_to_listeners(monkeypatch: pytest.MonkeyPatch):
+def test_each_state_is_published_once_and_only_to_subscribers(monkeypatch: pytest.MonkeyPatch):
     node, publisher, state = told(monkeypatch)
     node.beat()
     node.beat()
-    (message,) = node.said["~/passive_joint_states"]
+    (message,) = node.stated["~/passive_joint_states"]
     assert len(message.name) == len(set(message.name)) == len(message.position) == 12
     assert not {"joint_1", "joint_2"} & set(message.name)
     assert message.header.stamp.sec == state.stamp_ns // 10**9
     publisher.state = state._replace(sequence=state.sequence + 1, pose=(float("nan"),) * 2)
     node.beat()
-    assert len(node.said["~/passive_joint_states"]) == 1
+    assert len(node.stated["~/passive_joint_states"]) == 1
     silent, _publisher, _state = told(monkeypatch, listeners=0)
     silent.beat()
-    assert silent.said == {"~/passive_joint_states": [], "/tf": []}
+    assert silent.stated == {"~/passive_joint_states": [], "/tf": []}

@@ -16,19 +16,16 @@ from rcl_interfaces.srv import ListParameters
 from rclpy.qos import ReliabilityPolicy
 
 from irsbot_msgs_py.records import Level
-from irsbot_supervisor.suite import SUPERVISOR, free_domain
+from irsbot_supervisor.processes.suite import SUPERVISOR, free_domain
 
-pytestmark = [
-    pytest.mark.ros,
-    # rclpy reads .idl files with a version of lark that still imports this module
-    pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning"),
-]
+pytestmark = pytest.mark.ros
 
 CHANGED = {
     "/command_in": "subscription",
     "/command_out": "publisher",
     "/diagnostics": "publisher",
     "/joint_states": "subscription",
+    "/supervisor/gate": "publisher",
     "/supervisor/journal": "publisher",
     "/supervisor/markers": "publisher",
     "/supervisor/passive_joint_states": "publisher",
@@ -39,7 +36,7 @@ CHANGED = {
 """Every topic of the supervisor but verdict and safe."""
 
 
-def test_reliability_is_as_said_and_the_promises_stay(tmp_path: Path):
+def test_reliability_follows_its_override_and_the_promises_stay(tmp_path: Path):
     told = {f"qos_overrides.{topic}.{end}.reliability": "best_effort" for topic, end in CHANGED.items()}
     with Wire(tmp_path) as wire:
         cell = Cell(wire, **told)
@@ -55,8 +52,8 @@ def test_reliability_is_as_said_and_the_promises_stay(tmp_path: Path):
 
 
 def test_an_override_that_means_nothing_is_refused_in_a_sentence():
-    said = "qos_overrides./command_in.subscription.reliability:=perhaps"
-    command = [sys.executable, "-m", SUPERVISOR, "--ros-args", "-p", said, "-r", "__ns:=/"]
+    stated = "qos_overrides./command_in.subscription.reliability:=perhaps"
+    command = [sys.executable, "-m", SUPERVISOR, "--ros-args", "-p", stated, "-r", "__ns:=/"]
     done = subprocess.run(
         command, capture_output=True, text=True, timeout=120, env={**os.environ, "ROS_DOMAIN_ID": str(free_domain())}
     )

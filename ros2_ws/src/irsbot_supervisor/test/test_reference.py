@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from irsbot_msgs_py.records import Cause, JointSample, Level, Reset
-from irsbot_supervisor.core.pipeline import Supervisor
-from irsbot_supervisor.settings_file import read_settings
+from irsbot_supervisor.configuration.loading import read_settings
+from irsbot_supervisor.core.supervisor import Supervisor
 
 MS = 1_000_000
 """ns."""
@@ -58,7 +58,7 @@ def test_a_seed_nearer_to_the_other_assembly_mode_is_refused() -> None:
 @pytest.mark.parametrize("seed", [(0.3,), (0.3, float("nan")), (0.3, -0.7, 0.0), (1e308, 0.0)])
 def test_a_seed_that_is_no_pose_is_refused(seed: tuple[float, ...]) -> None:
     refusal, level = _reset(*_lost(), *seed)
-    assert "seed must be 2 finite numbers" in refusal
+    assert "seed pose must be 2 finite numbers" in refusal
     assert level == Level.UNKNOWN
 
 

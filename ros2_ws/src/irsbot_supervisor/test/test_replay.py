@@ -14,24 +14,25 @@ from command import irsbot
 from fake_failing_mechanism import fake_robot_of
 from typer.testing import CliRunner
 
-import irsbot_supervisor.replay
+import irsbot_supervisor.replay.rejudge
 from irsbot_msgs_py.records import Cause, JointSample, Level, SingularityState, Verdict
+from irsbot_msgs_py.stamps import NS_PER_S
+from irsbot_supervisor.bag.bag import Bag, BagWriter
+from irsbot_supervisor.bag.journal import Configuration, configured, write_entry
+from irsbot_supervisor.bag.mcap_writer import BagError
 from irsbot_supervisor.cli.app import app
-from irsbot_supervisor.cli.replay import write_junit
-from irsbot_supervisor.closed_loop import cycles, record
-from irsbot_supervisor.core.intake import S
-from irsbot_supervisor.core.limits import settings_from
-from irsbot_supervisor.core.pipeline import Configure, Supervisor
-from irsbot_supervisor.journal import Configuration, configured, write_entry
-from irsbot_supervisor.mcap_writer import BagError
-from irsbot_supervisor.outcome import outcome
-from irsbot_supervisor.replay import Assumption, Judged, Recording, judge_again, read_recording
-from irsbot_supervisor.settings_file import read_settings, shipped_values
-from irsbot_supervisor.sim.scenarios import Expectation
+from irsbot_supervisor.cli.junit import Suite, write_junit
+from irsbot_supervisor.configuration.feasibility import settings_from
+from irsbot_supervisor.configuration.loading import read_settings, shipped_values
+from irsbot_supervisor.core.events import Configure
+from irsbot_supervisor.core.supervisor import Supervisor
+from irsbot_supervisor.fleet.records import BagCheck
+from irsbot_supervisor.replay.comparison import against_recording
+from irsbot_supervisor.replay.expectation import measures_of
+from irsbot_supervisor.replay.rejudge import Assumption, Judged, Recording, judge_again, read_recording
+from irsbot_supervisor.replay.run_summary import ExpectedOutcome, outcome
+from irsbot_supervisor.sim.closed_loop import cycles, record
 from irsbot_supervisor.sim.simulation import simulation_from
-from irsbot_supervisor.story import measures_of
-from irsbot_supervisor.tape import Tape, TapeWriter
-from irsbot_supervisor.verify import Check, against_recording
 
 Change = Callable[[object], object]
 SECONDS = 1.0
@@ -52,8 +53,8 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def copied(bag: Path, target: Path, change: Change) -> Path:
     """The bag with some of its records changed, or left out where the change returns None."""
-    with Tape(bag) as tape, TapeWriter(target) as writer:
-        for entry in tape.records():
+    with Bag(bag) as opened, BagWriter(target) as writer:
+        for entry in opened.records():
             record = change(entry.record)
             if record is not None:
                 writer.add(entry.topic, record, entry.log_ns)
@@ -69,15 +70,15 @@ def test_a_run_is_judged_as_it_was_and_the_same_twice(bag: Path) -> None:
     first, second = judge_again(recording), judge_again(recording)
     assert first == second == judge_again(read_recording(bag))
     assert faults_of(recording, first) == {"recorded verdicts": (), "recorded states": ()}
-    levels = [chapter.level for chapter in first.chapters]
+    levels = [interval.level for interval in first.intervals]
     assert {Level.OK, Level.UNKNOWN} <= set(levels)
     causes = 0
-    for chapter in first.chapters:
-        causes |= chapter.causes
+    for interval in first.intervals:
+        causes |= interval.causes
     assert causes & Cause.NONFINITE
     assert causes & Cause.STALE
     assert causes & Cause.BRANCH
-    assert first.chapters[-1].latched
+    assert first.intervals[-1].latched
     assert (first.unseen, first.missing) == (0, 0)
     assert len(first.levels) == len(recording.states) > 300
 
@@ -90,23 +91,23 @@ def test_an_error_inside_is_judged_unknown_as_in_the_node_and_the_replay_goes_on
     before_the_faults = sorted(sample.position[0] for sample in recording.samples[:130])
     monkeypatch.setattr(fake_failing_mechanism, "FAILS_ABOVE", before_the_faults[80])
     monkeypatch.setattr(
-        irsbot_supervisor.replay, "robot_from_record", lambda record, _files: fake_robot_of(record["name"])
+        irsbot_supervisor.replay.rejudge, "robot_from_record", lambda record, _files: fake_robot_of(record["name"])
     )
     judged = judge_again(recording)
     assert len(judged.levels) == len(right.levels)
-    failed = [chapter for chapter in judged.chapters if chapter.causes & Cause.INTERNAL]
+    failed = [interval for interval in judged.intervals if interval.causes & Cause.INTERNAL]
     assert failed
-    assert {chapter.level for chapter in failed} == {Level.UNKNOWN}
+    assert {interval.level for interval in failed} == {Level.UNKNOWN}
     assert "ArithmeticError: a fake error of the mechanism" in failed[0].text
-    assert any(chapter.since_ns > failed[0].since_ns and chapter.level == Level.OK for chapter in judged.chapters)
+    assert any(interval.since_ns > failed[0].since_ns and interval.level == Level.OK for interval in judged.intervals)
     assert (Level.UNKNOWN, Cause.INTERNAL) in judged.levels.values()
     assert "a fake error of the mechanism" in judged.errors[0]
     checks = faults_of(recording, judged)
     assert checks["errors inside"] == tuple(judged.errors)
     assert checks["recorded states"]
-    said = CliRunner().invoke(app, ["replay", str(bag)])
-    assert said.exit_code == 1
-    assert "a fake error of the mechanism" in " ".join(said.output.split())
+    stated = CliRunner().invoke(app, ["replay", str(bag)])
+    assert stated.exit_code == 1
+    assert "a fake error of the mechanism" in " ".join(stated.output.split())
 
 
 def test_an_altered_verdict_is_named_with_its_number_and_its_sample(bag: Path, tmp_path: Path) -> None:
@@ -127,7 +128,7 @@ def test_an_altered_verdict_is_named_with_its_number_and_its_sample(bag: Path, t
     assert "judged again OK" in fault
 
 
-def test_an_altered_sample_is_named_and_so_is_what_followed_from_it(bag: Path, tmp_path: Path) -> None:
+def test_an_altered_sample_is_named_with_its_consequences(bag: Path, tmp_path: Path) -> None:
     target, seen = 150, 0
 
     def lie(record: object) -> object:
@@ -145,7 +146,7 @@ def test_an_altered_sample_is_named_and_so_is_what_followed_from_it(bag: Path, t
     assert len(faults["recorded states"]) == 1
 
 
-def test_samples_that_the_bag_lacks_are_counted_and_so_are_those_that_nobody_judged(bag: Path, tmp_path: Path) -> None:
+def test_missing_samples_and_samples_without_a_state_are_counted(bag: Path, tmp_path: Path) -> None:
     seen = {JointSample: 0, SingularityState: 0}
 
     def lose(record: object) -> object:
@@ -159,7 +160,7 @@ def test_samples_that_the_bag_lacks_are_counted_and_so_are_those_that_nobody_jud
     assert (judged.missing, judged.unseen) == (2, 1)
 
 
-def active(supervisor: Supervisor, change: Configuration, samples: list[JointSample], writer: TapeWriter) -> None:
+def active(supervisor: Supervisor, change: Configuration, samples: list[JointSample], writer: BagWriter) -> None:
     """A supervisor from its activation until it falls silent, as its node publishes it."""
     writer.add("supervisor/journal", write_entry(change), change.received_ns)
     into_force = Configure(change.received_ns, change.seen_ns, settings_from(change.values, supervisor.robot))
@@ -178,10 +179,10 @@ def in_two_activations(bag: Path, target: Path, *, restarted: bool, rebooted: bo
     samples = read_recording(bag).samples
     first, gap, second = samples[:150], samples[150:200], samples[200:]
     if rebooted:
-        behind_ns = second[0].seen_ns - S
+        behind_ns = second[0].seen_ns - NS_PER_S
         second = [sample._replace(seen_ns=sample.seen_ns - behind_ns) for sample in second]
     supervisor = Supervisor(settings, robot)
-    with TapeWriter(target) as writer:
+    with BagWriter(target) as writer:
         for sample in samples:
             writer.add("joint_states", sample, sample.received_ns)
         active(supervisor, configured(settings, robot, first[0].received_ns - 1, first[0].seen_ns - 1), first, writer)
@@ -201,13 +202,13 @@ def test_a_bag_with_two_supervisors_one_after_another_is_judged_by_two(
     judged = judge_again(recording)
     assert faults_of(recording, judged) == {"recorded verdicts": (), "recorded states": ()}
     assert (judged.missing, judged.unseen) == (0, 50)
-    assert [len(one.states) for one in recording.supervisions] == [150, len(recording.samples) - 200]
-    assert [one.journal[0].values["dwell_s"] for one in recording.supervisions] == [0.05, 0.02]
+    assert [len(one.states) for one in recording.sessions] == [150, len(recording.samples) - 200]
+    assert [one.journal[0].values["dwell_s"] for one in recording.sessions] == [0.05, 0.02]
     assert len(judged.levels) == len(recording.states) == len(recording.samples) - 50
     assert [part[0].level for part in judged.parts] == [Level.UNKNOWN, Level.UNKNOWN]
     assert judged.parts[1][0].causes == Cause.NO_DATA
-    first_end_ns, silence = recording.supervisions[0].states[-1].received_ns, judged.parts[0][-1]
-    assert (silence.level, silence.since_ns) == (Level.UNKNOWN, first_end_ns + S // 10)  # nobody said anything
+    first_end_ns, silence = recording.sessions[0].states[-1].received_ns, judged.parts[0][-1]
+    assert (silence.level, silence.since_ns) == (Level.UNKNOWN, first_end_ns + NS_PER_S // 10)  # nobody said anything
 
 
 def test_a_supervisor_that_goes_on_after_a_pause_is_the_same(bag: Path, tmp_path: Path) -> None:
@@ -215,7 +216,7 @@ def test_a_supervisor_that_goes_on_after_a_pause_is_the_same(bag: Path, tmp_path
     judged = judge_again(recording)
     assert faults_of(recording, judged) == {"recorded verdicts": (), "recorded states": ()}
     assert (judged.missing, judged.unseen, len(judged.parts)) == (0, 50, 1)
-    assert any(chapter.causes & Cause.STALE for chapter in judged.chapters)  # the pause is a silence of the joints
+    assert any(interval.causes & Cause.STALE for interval in judged.intervals)  # the pause is a silence of the joints
 
 
 def test_times_count_from_the_first_joint_state_on_every_clock_and_in_every_output(bag: Path, tmp_path: Path) -> None:
@@ -223,21 +224,23 @@ def test_times_count_from_the_first_joint_state_on_every_clock_and_in_every_outp
     settings, robot = read_settings("irsbot2")
     samples = [sample for sample in read_recording(bag).samples if sample.position[0] == sample.position[0]]
     begin_ns, target = samples[0].stamp_ns, tmp_path / "early.mcap"
-    with TapeWriter(target) as writer:
+    with BagWriter(target) as writer:
         for sample in samples:
             writer.add("joint_states", sample, sample.received_ns)
-        change = configured(settings, robot, samples[0].received_ns - S // 2, samples[0].seen_ns - S // 2)
+        change = configured(settings, robot, samples[0].received_ns - NS_PER_S // 2, samples[0].seen_ns - NS_PER_S // 2)
         active(Supervisor(settings, robot), change, samples, writer)
     recording = read_recording(target)
-    said = json.loads(CliRunner().invoke(app, ["replay", str(target), "--json"]).stdout)["chapters"]
-    found = outcome(recording, Expectation(stop=False))
-    assert said[0]["time_s"] == pytest.approx(-0.5)
-    assert said[1]["level"] == "OK"
-    assert said[1]["time_s"] == pytest.approx(2.0 * settings.stale_s + settings.dwell_s)  # after the first joint state
+    stated = json.loads(CliRunner().invoke(app, ["replay", str(target), "--json"]).stdout)["chapters"]
+    found = outcome(recording, ExpectedOutcome(stop=False))
+    assert stated[0]["time_s"] == pytest.approx(-0.5)
+    assert stated[1]["level"] == "OK"
+    assert stated[1]["time_s"] == pytest.approx(
+        2.0 * settings.stale_s + settings.dwell_s
+    )  # after the first joint state
     assert found.begin_ns == recording.begin_ns == begin_ns
     unknown_ns = next(state.stamp_ns for state in recording.states if state.causes & Cause.IMPLAUSIBLE)
-    later = [row for row in said[2:] if "IMPLAUSIBLE" in row["causes"]]
-    assert later[0]["time_s"] == pytest.approx((unknown_ns - begin_ns) / S)
+    later = [row for row in stated[2:] if "IMPLAUSIBLE" in row["causes"]]
+    assert later[0]["time_s"] == pytest.approx((unknown_ns - begin_ns) / NS_PER_S)
     measured = measures_of(recording, judge_again(recording))
     assert 0.0 < measured["hold_share"] < 1.0
 
@@ -264,9 +267,9 @@ def test_an_altered_verdict_of_the_second_supervisor_is_found(bag: Path, tmp_pat
 def side_by_side(bag: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two robots of a kind in one bag: the one on the right does for half a second what the left one does."""
     target = tmp_path_factory.mktemp("bag") / "two.mcap"
-    half_ns = read_recording(bag).samples[0].received_ns + S // 2
-    with Tape(bag) as tape, TapeWriter(target) as writer:
-        for entry in tape.records():
+    half_ns = read_recording(bag).samples[0].received_ns + NS_PER_S // 2
+    with Bag(bag) as opened, BagWriter(target) as writer:
+        for entry in opened.records():
             writer.add(f"/left/{entry.topic}", entry.record, entry.log_ns)
             if entry.log_ns < half_ns:
                 writer.add(f"/cell/right/{entry.topic}", entry.record, entry.log_ns)
@@ -288,46 +291,46 @@ def test_the_command_takes_the_namespace_and_info_lists_them(side_by_side: Path)
     run = CliRunner()
     assert run.invoke(app, ["replay", str(side_by_side), "--namespace", "left"]).exit_code == 0
     assert run.invoke(app, ["replay", str(side_by_side)]).exit_code != 0
-    said = json.loads(run.invoke(app, ["info", str(side_by_side), "--json"]).stdout)
-    named = [(one["namespace"], one["robot"], one["joint_states"]) for one in said["robots"]]
+    stated = json.loads(run.invoke(app, ["info", str(side_by_side), "--json"]).stdout)
+    named = [(one["namespace"], one["robot"], one["joint_states"]) for one in stated["robots"]]
     assert named == [
         ("/cell/right", "irsbot2", ["/cell/right/joint_states"]),
         ("/left", "irsbot2", ["/left/joint_states"]),
     ]
-    assert {one["config_hash"] for one in said["robots"]} == {read_settings("irsbot2")[0].config_hash}
+    assert {one["config_hash"] for one in stated["robots"]} == {read_settings("irsbot2")[0].config_hash}
 
 
 def test_the_namespace_is_kept_with_the_expectations(side_by_side: Path, tmp_path: Path) -> None:
     run, expected = CliRunner(), tmp_path / "expected.json"
     words = ["replay", str(side_by_side), "--namespace", "left", "--write-expect", str(expected)]
     assert run.invoke(app, words).exit_code == 0
-    said = json.loads(expected.read_text())
-    assert said.pop("namespace") == "left"
-    del said["draft"]
-    expected.write_text(json.dumps({**said, "namespace": "/cell/right"}))
+    stated = json.loads(expected.read_text())
+    assert stated.pop("namespace") == "left"
+    del stated["draft"]
+    expected.write_text(json.dumps({**stated, "namespace": "/cell/right"}))
     right = run.invoke(app, ["replay", str(side_by_side), "--expect", str(expected)])
     assert right.exit_code == 1
     assert "expected story" in str(right.exception)  # the right one's run is shorter
-    expected.write_text(json.dumps({**said, "namespace": "left"}))
+    expected.write_text(json.dumps({**stated, "namespace": "left"}))
     assert run.invoke(app, ["replay", str(side_by_side), "--expect", str(expected)]).exit_code == 0
 
 
-def test_info_says_the_configuration_that_the_verdicts_of_a_bag_carry(bag: Path) -> None:
-    said = json.loads(CliRunner().invoke(app, ["info", str(bag), "--json"]).stdout)
-    assert said["config_hash"] == read_settings("irsbot2")[0].config_hash
+def test_info_prints_the_configuration_of_the_verdicts_of_a_bag(bag: Path) -> None:
+    stated = json.loads(CliRunner().invoke(app, ["info", str(bag), "--json"]).stdout)
+    assert stated["config_hash"] == read_settings("irsbot2")[0].config_hash
 
 
 def test_joint_states_that_were_remapped_belong_to_the_only_supervisor(bag: Path, tmp_path: Path) -> None:
     target = tmp_path / "remapped.mcap"
-    with Tape(bag) as tape, TapeWriter(target) as writer:
-        for entry in tape.records():
+    with Bag(bag) as opened, BagWriter(target) as writer:
+        for entry in opened.records():
             moved = isinstance(entry.record, JointSample)
             writer.add("/drives/states" if moved else f"/{entry.topic}", entry.record, entry.log_ns)
     assert judge_again(read_recording(target)) == judge_again(read_recording(bag))
 
 
 @pytest.mark.parametrize("share", [0.4, 0.6, 0.8])
-def test_a_bag_that_is_cut_off_is_judged_as_far_as_it_goes_and_the_loss_is_said(
+def test_a_truncated_bag_is_judged_up_to_its_end_and_the_loss_is_reported(
     bag: Path, tmp_path: Path, share: float
 ) -> None:
     data = bag.read_bytes()
@@ -339,7 +342,7 @@ def test_a_bag_that_is_cut_off_is_judged_as_far_as_it_goes_and_the_loss_is_said(
     assert 50 < len(judged.levels) < len(whole.levels)
     assert recording.loss
     assert judged.levels.items() <= whole.levels.items()
-    assert [one.same_as(two) for one, two in zip(judged.chapters, whole.chapters, strict=False)].count(False) == 0
+    assert [one.same_as(two) for one, two in zip(judged.intervals, whole.intervals, strict=False)].count(False) == 0
 
 
 def samples_of(bag: Path, target: Path) -> Path:
@@ -347,30 +350,28 @@ def samples_of(bag: Path, target: Path) -> Path:
     return copied(bag, target, lambda record: record if isinstance(record, JointSample) else None)
 
 
-def test_a_bag_of_joint_states_alone_is_judged_with_the_settings_of_the_robot_it_is_said_to_be_of(
-    bag: Path, tmp_path: Path
-) -> None:
+def test_a_bag_of_joint_states_alone_is_judged_with_the_settings_of_the_given_robot(bag: Path, tmp_path: Path) -> None:
     recording = read_recording(samples_of(bag, tmp_path / "alone.mcap"))
     assert not recording.states
     with pytest.raises(BagError, match="--robot NAME"):
         judge_again(recording)
     judged = judge_again(recording, Assumption("irsbot2"))
     assert against_recording(recording, judged) == []
-    again = [chapter.level for chapter in judged.chapters]
+    again = [interval.level for interval in judged.intervals]
     assert Level.OK in again
     assert again[-1] == Level.UNKNOWN
 
 
-def test_told_settings_count_in_a_bag_of_joint_states_alone_and_nowhere_else(bag: Path, tmp_path: Path) -> None:
+def test_given_settings_count_only_for_a_bag_of_joint_states_alone(bag: Path, tmp_path: Path) -> None:
     recording = read_recording(samples_of(bag, tmp_path / "alone.mcap"))
     first_work = {}
     for dwell_s in (0.05, 0.1):
-        chapters = judge_again(recording, Assumption("irsbot2", {"dwell_s": dwell_s})).chapters
-        first_work[dwell_s] = next(chapter.since_ns for chapter in chapters if chapter.level == Level.OK)
-    assert first_work[0.1] - first_work[0.05] == pytest.approx(0.05 * S)
+        intervals = judge_again(recording, Assumption("irsbot2", {"dwell_s": dwell_s})).intervals
+        first_work[dwell_s] = next(interval.since_ns for interval in intervals if interval.level == Level.OK)
+    assert first_work[0.1] - first_work[0.05] == pytest.approx(0.05 * NS_PER_S)
     with pytest.raises(BagError, match=r"nonsense"):
         judge_again(recording, Assumption("irsbot2", {"nonsense": 1}))
-    with pytest.raises(BagError, match="says itself which robot"):
+    with pytest.raises(BagError, match="robot"):
         judge_again(read_recording(bag), Assumption("irsbot2"))
 
 
@@ -394,7 +395,8 @@ def test_settings_that_this_version_cannot_use_are_refused(bag: Path, tmp_path: 
 
 def test_the_report_has_one_case_per_check_and_names_every_difference(tmp_path: Path) -> None:
     report = tmp_path / "report.xml"
-    write_junit(report, "run", [Check("recorded verdicts", ()), Check("expected story", ("first <&>", "second"))])
+    story = BagCheck("expected story", 2, ("first <&>", "second"))
+    write_junit(report, [Suite("run", [BagCheck("recorded verdicts", 0, ()), story])])
     suite = ElementTree.parse(report).getroot()
     assert (suite.get("name"), suite.get("tests"), suite.get("failures")) == ("run", "2", "1")
     good, bad = suite.findall("testcase")
@@ -405,9 +407,9 @@ def test_the_report_has_one_case_per_check_and_names_every_difference(tmp_path: 
 
 
 def test_a_replay_that_cannot_be_made_is_an_error_in_the_report(bag: Path, tmp_path: Path) -> None:
-    story, report = tmp_path / "story.json", tmp_path / "report.xml"
-    story.write_text("no story")
-    done = irsbot("replay", bag, "--expect", story, "--junit", report)
+    expectation, report = tmp_path / "story.json", tmp_path / "report.xml"
+    expectation.write_text("no story")
+    done = irsbot("replay", bag, "--expect", expectation, "--junit", report)
     assert done.code == 2
     suite = ElementTree.parse(report).getroot()
     assert (suite.get("name"), suite.get("tests"), suite.get("errors")) == (str(bag), "1", "1")
@@ -457,7 +459,7 @@ def test_a_bag_finds_the_file_of_its_mechanism_by_its_hash(
     assert irsbot("report", bag_of_an_own_mechanism, *told, "-o", tmp_path / "run.html").code == 0
 
 
-def test_the_robot_that_was_told_once_is_kept_with_the_expectations(bag: Path, tmp_path: Path) -> None:
+def test_the_given_robot_is_kept_with_the_expectations(bag: Path, tmp_path: Path) -> None:
     alone = str(samples_of(bag, tmp_path / "alone.mcap"))
     limits, expected = tmp_path / "limits.yaml", tmp_path / "expected.json"
     limits.write_text("dwell_s: 0.1")
@@ -467,10 +469,10 @@ def test_the_robot_that_was_told_once_is_kept_with_the_expectations(bag: Path, t
     assert "--robot NAME" in str(nothing.exception)
     words = ["replay", alone, "--robot", "irsbot2", "--settings", str(limits), "--write-expect", str(expected)]
     assert run.invoke(app, words).exit_code == 0
-    said = json.loads(expected.read_text())
-    assert (said["robot"], said["settings"]) == ("irsbot2", {"dwell_s": 0.1})
-    del said["draft"]
-    expected.write_text(json.dumps(said))
+    stated = json.loads(expected.read_text())
+    assert (stated["robot"], stated["settings"]) == ("irsbot2", {"dwell_s": 0.1})
+    del stated["draft"]
+    expected.write_text(json.dumps(stated))
     again = run.invoke(app, ["replay", alone])  # finds its expectations beside it
     assert again.exit_code == 0, again.exception
     assert "robot: irsbot2 with other settings" in again.stdout
@@ -480,10 +482,10 @@ def test_the_robot_that_was_told_once_is_kept_with_the_expectations(bag: Path, t
 
 
 def test_the_command_fails_with_the_first_difference_from_an_expectation_file(bag: Path, tmp_path: Path) -> None:
-    story, report = tmp_path / "story.json", tmp_path / "report.xml"
-    story.write_text(json.dumps({"story": [{"level": "UNKNOWN"}, {"level": "STOP"}]}))
+    expectation, report = tmp_path / "story.json", tmp_path / "report.xml"
+    expectation.write_text(json.dumps({"story": [{"level": "UNKNOWN"}, {"level": "STOP"}]}))
     assert CliRunner().invoke(app, ["replay", str(bag), "--json"]).exit_code == 0
-    words = ["replay", str(bag), "--expect", str(story), "--junit", str(report), "--json"]
+    words = ["replay", str(bag), "--expect", str(expectation), "--junit", str(report), "--json"]
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 1
     assert "expected story" in str(done.exception)
@@ -492,7 +494,7 @@ def test_the_command_fails_with_the_first_difference_from_an_expectation_file(ba
     assert ElementTree.parse(report).getroot().get("failures") == "1"
 
 
-def test_the_page_of_a_run_tells_settings_with_their_units_and_where_times_begin(bag: Path, tmp_path: Path) -> None:
+def test_the_page_of_a_run_shows_settings_with_units_and_the_origin_of_times(bag: Path, tmp_path: Path) -> None:
     page = tmp_path / "run.html"
     assert CliRunner().invoke(app, ["report", str(bag), "-o", str(page)]).exit_code == 0
     text = page.read_text()

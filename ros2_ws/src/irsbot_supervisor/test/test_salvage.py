@@ -11,11 +11,11 @@ from mcap.writer import CompressionType, Writer
 from rosbags.rosbag2 import Reader
 
 from irsbot_msgs_py.cdr import encode_string
+from irsbot_supervisor.bag.bag import Bag, BagWriter
+from irsbot_supervisor.bag.mcap_writer import BagError
+from irsbot_supervisor.bag.salvage import salvage
 from irsbot_supervisor.cli import bags
 from irsbot_supervisor.cli.common import Failed
-from irsbot_supervisor.mcap_writer import BagError
-from irsbot_supervisor.salvage import salvage
-from irsbot_supervisor.tape import Tape, TapeWriter
 
 START_NS = 1_700_000_000_000_000_000
 PER_CHUNK, CHUNKS = 20, 30
@@ -24,12 +24,12 @@ TEXTS = [f"text {k}" for k in range(PER_CHUNK * CHUNKS)]
 
 def record(path: Path) -> list[tuple[int, int]]:
     """A bag of TEXTS on one topic; returns where its chunks begin and end, as the library `mcap` says."""
-    with TapeWriter(path) as tape:
-        tape.add_configuration({"settings": {"robot": "irsbot2"}}, "ab12", START_NS)
+    with BagWriter(path) as opened:
+        opened.add_configuration({"settings": {"robot": "irsbot2"}}, "ab12", START_NS)
         for k, text in enumerate(TEXTS):
-            tape.add("/text", text, START_NS + k)
+            opened.add("/text", text, START_NS + k)
             if k % PER_CHUNK == PER_CHUNK - 1:
-                tape.flush()
+                opened.flush()
     with path.open("rb") as stream:
         indexes = make_reader(stream).get_summary().chunk_indexes
     assert len(indexes) == CHUNKS
@@ -37,8 +37,8 @@ def record(path: Path) -> list[tuple[int, int]]:
 
 
 def texts(bag: Path) -> list[object]:
-    with Tape(bag) as tape:
-        return [entry.record for entry in tape.records()]
+    with Bag(bag) as opened:
+        return [entry.record for entry in opened.records()]
 
 
 def without(*chunks: int) -> list[str]:
@@ -49,12 +49,12 @@ def test_a_bag_without_damage_comes_back_whole(tmp_path: Path):
     record(tmp_path / "whole.mcap")
     saved = salvage(tmp_path / "whole.mcap", tmp_path / "saved")
     assert (saved.messages, bool(saved.loss)) == (len(TEXTS), False)
-    with Tape(tmp_path / "saved") as tape:
-        messages = list(tape.messages())
+    with Bag(tmp_path / "saved") as opened:
+        messages = list(opened.messages())
         assert [m.sequence for m in messages] == list(range(len(TEXTS)))
         assert [m.log_ns for m in messages] == [START_NS + k for k in range(len(TEXTS))]
-        assert tape.configuration() == {"settings": {"robot": "irsbot2"}}
-        assert tape.topics()[0].offered[0]["durability"] == "transient_local"
+        assert opened.configuration() == {"settings": {"robot": "irsbot2"}}
+        assert opened.topics()[0].offered[0]["durability"] == "transient_local"
     bags.salvage(tmp_path / "whole.mcap", tmp_path / "again")  # raises Failed when something is lost
     assert texts(tmp_path / "again") == TEXTS
 
@@ -103,12 +103,12 @@ def test_a_damaged_attachment_is_left_out_and_counted(tmp_path: Path):
     path.write_bytes(data)
     saved = salvage(path, tmp_path / "saved")
     assert (saved.loss.messages, saved.loss.places) == (0, 1)
-    with Tape(tmp_path / "saved") as tape:
-        assert tape.configuration() is None
+    with Bag(tmp_path / "saved") as opened:
+        assert opened.configuration() is None
     assert texts(tmp_path / "saved") == TEXTS
 
 
-def test_what_follows_the_end_of_a_file_is_ignored(tmp_path: Path):
+def test_bytes_after_the_end_of_a_file_are_ignored(tmp_path: Path):
     path = tmp_path / "bag.mcap"
     record(path)
     path.write_bytes(path.read_bytes() + b"something else")
@@ -136,9 +136,9 @@ def test_bags_of_other_recorders_keep_types_that_are_not_installed(tmp_path: Pat
     path.write_bytes(data)
 
     saved = salvage(path, tmp_path / "saved")
-    with Tape(tmp_path / "saved") as tape:
-        messages = list(tape.messages())
-        assert {t.name: (t.type, t.text) for t in tape.topics()}["/thing"] == ("other_msgs/msg/Thing", definition)
+    with Bag(tmp_path / "saved") as opened:
+        messages = list(opened.messages())
+        assert {t.name: (t.type, t.text) for t in opened.topics()}["/thing"] == ("other_msgs/msg/Thing", definition)
         assert {m.publish_ns for m in messages} == {START_NS - 1}
         numbers = [m.sequence for m in messages]
     assert numbers[0] == 100
@@ -149,7 +149,7 @@ def test_bags_of_other_recorders_keep_types_that_are_not_installed(tmp_path: Pat
 
 
 @pytest.mark.parametrize("checked", [True, False], ids=["with checksums", "without"])
-def test_no_damage_whatever_raises_anything_but_a_refusal(tmp_path: Path, checked: bool):
+def test_every_damage_raises_only_a_refusal(tmp_path: Path, checked: bool):
     path, rng = tmp_path / "bag.mcap", random.Random(5)
     with path.open("wb") as stream:
         writer = Writer(stream, chunk_size=300, compression=CompressionType.NONE, enable_crcs=checked)
@@ -171,9 +171,9 @@ def test_no_damage_whatever_raises_anything_but_a_refusal(tmp_path: Path, checke
             )
         path.write_bytes(data)
         try:
-            with Tape(path) as tape:
-                found = list(tape.messages())
-                loss = tape.loss
+            with Bag(path) as opened:
+                found = list(opened.messages())
+                loss = opened.loss
         except BagError:
             refused += 1
         else:
@@ -193,16 +193,16 @@ def test_nothing_is_written_where_something_is_and_nothing_is_made_of_nothing(tm
     assert not (tmp_path / "saved").exists()
 
 
-def test_info_says_what_is_in_a_bag_and_what_is_wrong_with_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+def test_info_prints_the_content_and_the_damage_of_a_bag(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     path = tmp_path / "bag.mcap"
     chunks = record(path)
     bags.info(path)
-    assert "600 messages" in (said := capsys.readouterr().out)
-    assert "configuration ab12" in said
-    assert "damage: nothing lost" in said
+    assert "600 messages" in (stated := capsys.readouterr().out)
+    assert "configuration ab12" in stated
+    assert "damage: nothing lost" in stated
     path.write_bytes(path.read_bytes()[: chunks[9][1]])
     bags.info(path, as_json=True)
-    assert '"messages": 200' in (said := capsys.readouterr().out)
-    assert '"cut": true' in said
-    assert "how many messages are lost is not known, the end is missing" in said
-    assert "at least 0" not in said
+    assert '"messages": 200' in (stated := capsys.readouterr().out)
+    assert '"cut": true' in stated
+    assert "how many messages are lost is not known, the end is missing" in stated
+    assert "at least 0" not in stated

@@ -123,7 +123,7 @@ def test_a_late_sample_is_skipped_for_the_newest_that_waits(node: FakeNode):
     assert stream.skipped == 2
 
 
-def test_a_sample_in_time_is_judged_whatever_waits_behind_it(node: FakeNode):
+def test_a_sample_in_time_is_judged_while_others_wait(node: FakeNode):
     stream = stream_of(node)
     node.now_ns = LATE_NS
     node.queue.waiting = [message(1_000_000)]
@@ -132,7 +132,7 @@ def test_a_sample_in_time_is_judged_whatever_waits_behind_it(node: FakeNode):
     assert len(node.queue.waiting) == 1
 
 
-def test_what_is_too_large_or_no_joint_state_is_not_read_and_counts_as_bad(node: FakeNode):
+def test_messages_that_are_too_large_or_no_joint_states_are_rejected(node: FakeNode):
     stream = stream_of(node)
     for data in (message(0, size=5000), b"", b"\x00\x01\x00\x00", message(0)[:-5]):
         stream.subscription.callback(data)
@@ -141,7 +141,7 @@ def test_what_is_too_large_or_no_joint_state_is_not_read_and_counts_as_bad(node:
     assert len(node.warnings) == 4
 
 
-def test_what_comes_while_it_is_closed_and_what_was_held_before_is_never_judged(node: FakeNode):
+def test_samples_during_a_closed_intake_and_held_ones_are_never_judged(node: FakeNode):
     stream = stream_of(node)
     sent = send(node, stream, BURST + 1, 1e9)
     assert node.judged == sent[:-1]  # the last one is held

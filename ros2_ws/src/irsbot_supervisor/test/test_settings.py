@@ -10,13 +10,13 @@ import yaml
 from supervised import settings_of
 
 import irsbot_kinematics as irs
-from irsbot_supervisor.core.limits import settings_from
+from irsbot_supervisor.configuration.feasibility import settings_from
+from irsbot_supervisor.configuration.loading import read_settings, read_values, robot_of, shipped_values
+from irsbot_supervisor.core.margins import MARGIN_NAMES
 from irsbot_supervisor.core.settings import InvalidSettings, Settings
-from irsbot_supervisor.settings_file import read_settings, read_values, robot_of, shipped_values
 
 NUMBERS = [entry for entry in fields(Settings) if "low" in entry.metadata]
 SINGLE = [entry for entry in NUMBERS if not entry.metadata.get("each_joint")]
-KINDS = ("type1", "type2", "constraint", "limb")
 
 
 def refused(robot: str = "irsbot2", **changes) -> str:
@@ -29,20 +29,20 @@ def refused(robot: str = "irsbot2", **changes) -> str:
 
 
 @pytest.mark.parametrize("value", [nan, inf, -inf, 10**400, True, None, "0.1", [0.1], {}, -1e9])
-def test_what_is_no_number_or_out_of_range_is_refused_by_name(value):
-    said = refused(**{entry.name: value for entry in SINGLE})
-    faults = dict(fault.split(" is ", 1) for fault in said.split("; "))
+def test_a_value_that_is_not_a_number_or_out_of_range_is_refused_by_name(value):
+    stated = refused(**{entry.name: value for entry in SINGLE})
+    faults = dict(fault.split(" is ", 1) for fault in stated.split("; "))
     for entry in SINGLE:
         assert faults[entry.name].startswith((repr(value), repr((0.1,)))), entry.name
 
 
 @pytest.mark.parametrize("values", [[nan, nan], [2e4, 2e4]])
-def test_a_fault_that_every_joint_has_is_said_once(values):
+def test_a_fault_of_every_joint_is_reported_once(values):
     assert refused(velocity_limit=values).count("velocity_limit") == 1
 
 
 @pytest.mark.parametrize("entry", SINGLE, ids=lambda entry: entry.name)
-def test_both_ends_of_a_range_belong_to_it_and_what_is_beyond_does_not(entry):
+def test_a_range_includes_both_ends(entry):
     low, high = entry.metadata["low"], entry.metadata["high"]
     assert low < entry.default < high or entry.default in (low, high)
     for beyond in (low - 1e-9 - abs(low) * 1e-9, high * (1.0 + 1e-9)):
@@ -60,7 +60,7 @@ def test_one_limit_serves_for_all_joints():
     assert settings_of("orthoglide", velocity_limit=[3.0])[0].velocity_limit == (3.0, 3.0, 3.0)
 
 
-@pytest.mark.parametrize("name", [f"{kind}_{which}" for kind in KINDS for which in ("stop", "warn")])
+@pytest.mark.parametrize("name", [f"{kind}_{which}" for kind in MARGIN_NAMES for which in ("stop", "warn")])
 def test_no_margin_is_switched_off_by_a_zero(name):
     """A floor of 0 means that nothing could be proved; with a limit of 0 it would be accepted."""
     assert name in refused(**{name: 0.0})
@@ -71,19 +71,19 @@ def test_a_word_that_is_not_in_the_list_is_refused_with_the_list(word):
     assert "none, warn, stop" in refused(reaction_check=word) or "one value" in refused(reaction_check=word)
 
 
-@pytest.mark.parametrize("said", ["off", "'off'", "no", "none"])
-def test_bags_and_yaml_files_that_say_off_mean_none(tmp_path, said):
+@pytest.mark.parametrize("stated", ["off", "'off'", "no", "none"])
+def test_bags_and_yaml_files_that_say_off_mean_none(tmp_path, stated):
     file = tmp_path / "mine.yaml"
-    file.write_text(f"reaction_check: {said}\n")
+    file.write_text(f"reaction_check: {stated}\n")
     assert settings_of(**read_values(file))[0].reaction_check == "none"
 
 
-@pytest.mark.parametrize("said", ["on", "'on'", "yes", "true", "counted"])
-def test_yaml_files_that_say_on_mean_counted(tmp_path, said):
+@pytest.mark.parametrize("stated", ["on", "'on'", "yes", "true", "counted"])
+def test_yaml_files_that_say_on_mean_counted(tmp_path, stated):
     file = tmp_path / "mine.yaml"
-    file.write_text(f"compliance: {said}\ncompliance_slack_m: 0.0005\n")
+    file.write_text(f"compliance: {stated}\ncompliance_slack_m: 0.0005\n")
     assert settings_of(**read_values(file))[0].compliance == "counted"
-    file.write_text(f"reaction_check: {said}\n")
+    file.write_text(f"reaction_check: {stated}\n")
     assert "must be one of none, warn, stop" in refused(**read_values(file))
 
 
@@ -116,9 +116,9 @@ def test_names_and_modes_that_do_not_fit_the_robot_are_refused(name, value):
 
 
 def test_an_unknown_setting_is_refused_with_the_known_ones():
-    said = refused(type1_limit=0.2)
-    assert "type1_limit" in said
-    assert "type1_stop" in said
+    stated = refused(type1_limit=0.2)
+    assert "type1_limit" in stated
+    assert "type1_stop" in stated
     with pytest.raises(InvalidSettings, match="unknown setting"):
         settings_from({1: 2, "speed": 3}, robot_of("irsbot2"))
 
@@ -126,30 +126,30 @@ def test_an_unknown_setting_is_refused_with_the_known_ones():
 # --- values together --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", MARGIN_NAMES)
 def test_a_warning_below_the_stop_is_refused_with_both_numbers(kind):
-    said = refused(**{f"{kind}_warn": 0.11, f"{kind}_stop": 0.12})
-    assert f"{kind}_warn (0.11)" in said
-    assert f"{kind}_stop (0.12)" in said
+    stated = refused(**{f"{kind}_warn": 0.11, f"{kind}_stop": 0.12})
+    assert f"{kind}_warn (0.11)" in stated
+    assert f"{kind}_stop (0.12)" in stated
     same = settings_of(**{f"{kind}_warn": 0.12, f"{kind}_stop": 0.12})[0]
     assert getattr(same, f"{kind}_warn") == 0.12
 
 
 def test_a_stated_gap_that_is_a_silence_is_refused_with_both_numbers():
-    said = refused(sample_gap_s=0.06, stale_s=0.05)
-    assert "sample_gap_s (0.06)" in said
-    assert "stale_s (0.05)" in said
+    stated = refused(sample_gap_s=0.06, stale_s=0.05)
+    assert "sample_gap_s (0.06)" in stated
+    assert "stale_s (0.05)" in stated
 
 
 def test_a_heartbeat_slower_than_the_limit_of_staleness_is_refused_with_both_numbers():
-    said = refused(heartbeat_s=0.02, stale_s=0.01)
-    assert "heartbeat_s (0.02)" in said
-    assert "stale_s (0.01)" in said
+    stated = refused(heartbeat_s=0.02, stale_s=0.01)
+    assert "heartbeat_s (0.02)" in stated
+    assert "stale_s (0.01)" in stated
 
 
 def test_every_fault_is_named_at_once():
-    said = refused(type1_warn=-1.0, latency_s=nan, velocity_limit=[])
-    assert all(name in said for name in ("type1_warn", "latency_s", "velocity_limit"))
+    stated = refused(type1_warn=-1.0, latency_s=nan, velocity_limit=[])
+    assert all(name in stated for name in ("type1_warn", "latency_s", "velocity_limit"))
 
 
 # --- whole ------------------------------------------------------------------------------------------------------
@@ -167,7 +167,7 @@ def test_a_robot_is_supervised_in_its_usual_modes_and_by_its_own_joint_names(rob
 
 @pytest.mark.parametrize("name", ["joint_names", "working_mode", "assembly_mode"])
 @pytest.mark.parametrize("nothing", [False, 0.0, ""])
-def test_what_is_empty_only_by_accident_does_not_mean_the_usual_modes_or_names(name, nothing):
+def test_an_accidentally_empty_value_does_not_select_the_usual_modes_or_names(name, nothing):
     with pytest.raises(InvalidSettings, match=name):
         settings_of(**{name: nothing})
 
@@ -188,7 +188,7 @@ def test_equal_settings_have_equal_hashes_and_each_change_another():
     assert len(hashes) == 1 + len([entry for entry in SINGLE if entry.default != entry.metadata["low"]])
 
 
-def test_what_is_declared_says_what_it_is():
+def test_every_declared_parameter_has_a_description():
     for entry in fields(Settings):
         assert entry.metadata["text"], entry.name
         assert "unit" in entry.metadata, entry.name

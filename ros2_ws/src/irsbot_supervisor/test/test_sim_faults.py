@@ -13,7 +13,7 @@ import pytest
 from irsbot_kinematics import make_robot
 from irsbot_msgs_py.records import JointSample
 from irsbot_supervisor.sim.errors import BadFault
-from irsbot_supervisor.sim.faults import KINDS, FaultInjector, Sent, describe, parse_faults
+from irsbot_supervisor.sim.faults import FAULTS, FaultInjector, Sent, describe, parse_faults
 
 ROBOT = make_robot("irsbot2")
 MS = 1_000_000
@@ -67,7 +67,7 @@ def test_without_a_fault_the_stream_is_untouched():
         ("nan:count=2; nan:at=0.020,count=2", [0, 1, 20, 21]),
     ],
 )
-def test_a_fault_acts_when_it_is_told_to(line, hit):
+def test_a_fault_acts_at_its_stated_times(line, hit):
     samples = only(line)
     assert [k for k, sample in enumerate(samples) if isnan(sample.position[0])] == list(hit)
     assert all(sample == original(k) for k, sample in enumerate(samples) if k not in hit)
@@ -79,7 +79,7 @@ def test_faults_add_up():
     assert sample.stamp_ns == 0
 
 
-@pytest.mark.parametrize("name", sorted(KINDS))
+@pytest.mark.parametrize("name", sorted(FAULTS))
 def test_every_fault_leaves_the_stream_as_it_found_it_when_it_is_over(name):
     arrived = stream(f"{name}:at=0.010,lasting=0.010")
     assert arrived[:10] == [[Sent(original(k))] for k in range(10)]
@@ -127,7 +127,7 @@ def test_a_flood_sends_more_messages_with_increasing_stamps():
     assert stamps[-1] == original(9).stamp_ns
 
 
-def test_a_second_publisher_says_something_else_beside_the_first():
+def test_a_second_publisher_publishes_other_positions():
     first, second = stream("second_publisher:by=0.2", 1)[0]
     assert first == Sent(original(0), publisher=0)
     assert second.publisher == 1
@@ -302,25 +302,25 @@ def test_a_mode_flip_of_nonsense_changes_nothing():
         ("drop count=1", "no fault 'drop count=1'"),
     ],
 )
-def test_a_line_that_cannot_be_read_is_refused_with_what_would_be_right(line, reason):
+def test_an_unreadable_line_is_refused_with_the_right_form(line, reason):
     with pytest.raises(BadFault, match=reason):
         parse_faults(line)
 
 
 def test_the_manual_names_every_fault_and_its_settings():
     manual = describe()
-    assert len(manual.splitlines()) == len(KINDS)
-    for name in KINDS:
+    assert len(manual.splitlines()) == len(FAULTS)
+    for name in FAULTS:
         assert f"{name}: " in manual
     assert "share=0.05 (share of the samples)" in manual
 
 
 def test_the_manual_for_people_knows_every_fault_and_its_defaults():
-    page = Path(__file__).parents[4] / "docs" / "simulation.md"
+    page = Path(__file__).parents[4] / "docs" / "how_to" / "simulation.md"
     if not page.exists():
         pytest.skip("the page is part of the repository, not of the installed package")
     rows = [line for line in page.read_text(encoding="utf-8").splitlines() if line.startswith("| `")]
-    for name, kind in KINDS.items():
+    for name, kind in FAULTS.items():
         (row,) = (line for line in rows if f"`{name}`" in line.split("|")[1])
         for entry in fields(kind):
             if "setting" in entry.metadata and entry.name not in {"at", "lasting", "count", "every"}:

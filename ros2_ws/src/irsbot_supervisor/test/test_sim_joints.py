@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from irsbot_supervisor.core.motion import BadTrajectory, JointLimits, JointPoint, commanded
 from irsbot_supervisor.sim.joints import Drives
-from irsbot_supervisor.sim.trajectory import Course, stand, swing
+from irsbot_supervisor.sim.trajectory import MotionSequence, joint_move, stand
+from irsbot_supervisor.trajectory.joint_path import BadTrajectory, JointLimits, JointPoint, commanded
 
 LIMITS = JointLimits((12.0, 12.0), (400.0, 400.0), (400.0, 250.0))
 PERIOD_S = 0.001
@@ -28,9 +28,11 @@ class Steady:
         return JointPoint(tuple(rate * time_s for rate in self.rates), self.rates, (0.0,) * len(self.rates))
 
 
-def to_and_fro() -> Course:
-    there = swing((0.0, 0.0), (1.0, -0.7), LIMITS)
-    return Course([(Course([(there, 1), (swing((1.0, -0.7), (0.0, 0.0), LIMITS), 1)]), float("inf"))])
+def to_and_fro() -> MotionSequence:
+    there = joint_move((0.0, 0.0), (1.0, -0.7), LIMITS)
+    return MotionSequence(
+        [(MotionSequence([(there, 1), (joint_move((1.0, -0.7), (0.0, 0.0), LIMITS), 1)]), float("inf"))]
+    )
 
 
 def running(rates: tuple[float, ...], latency_s: float = 0.0) -> Drives:
@@ -80,7 +82,7 @@ def test_a_speed_scale_slows_the_motion_on_its_path():
         q = drives.step(PERIOD_S, 0.25)
         assert q.position[1] == pytest.approx(-0.7 * q.position[0], abs=1e-9)  # still on the straight line
         speeds.append(abs(q.velocity[0]))
-    assert max(speeds[200:]) == pytest.approx(0.25 * swing((0.0, 0.0), (1.0, -0.7), LIMITS).peaks[0][0], rel=0.01)
+    assert max(speeds[200:]) == pytest.approx(0.25 * joint_move((0.0, 0.0), (1.0, -0.7), LIMITS).peaks[0][0], rel=0.01)
     assert fast > 2.0 * max(speeds[200:])
 
 
@@ -91,7 +93,7 @@ def test_a_speed_scale_slows_the_motion_on_its_path():
     st.tuples(st.floats(-12.0, 12.0), st.floats(-12.0, 12.0)).filter(lambda v: all(abs(x) > 1e-3 for x in v)),
     st.floats(1e-4, 0.05),
 )
-def test_every_joint_brakes_over_v2_by_2a_whatever_the_step(rates, period_s):
+def test_every_joint_brakes_over_v2_by_2a_for_every_step(rates, period_s):
     drives = running(rates)
     begin = drives.now.position
     drives.step(period_s, 0.0)
@@ -155,7 +157,7 @@ def test_joints_released_while_they_brake_stop_before_they_move_on():
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_velocity_and_acceleration_stay_within_limits_whatever_is_allowed(seed):
+def test_velocity_and_acceleration_stay_within_limits_for_every_allowed_share(seed):
     rng = np.random.default_rng(seed)
     drives = Drives(to_and_fro(), LIMITS, latency_s=0.0023)
     positions, rates = [], []

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from irsbot_kinematics import Robot, make_robot
-from irsbot_supervisor.core.motion import JointLimits, JointPath, JointPoint
 from irsbot_supervisor.sim.errors import BadSetting
 from irsbot_supervisor.sim.joints import Drives
 from irsbot_supervisor.sim.machine import STANDARD_GRAVITY, Encoder, Machine, Payload
-from irsbot_supervisor.sim.obedience import Obedience
 from irsbot_supervisor.sim.paths import RoundedPath
-from irsbot_supervisor.sim.trajectory import stand, stroke
+from irsbot_supervisor.sim.stop_response import StopResponse
+from irsbot_supervisor.sim.trajectory import stand, task_move
+from irsbot_supervisor.trajectory.joint_path import JointLimits, JointPath, JointPoint
 
 MASS_KG = 2.5
 LIMITS = JointLimits((12.0, 12.0), (400.0, 400.0), (400.0, 400.0))
@@ -27,7 +27,7 @@ def robot() -> Robot:
 
 def moving(robot: Robot) -> JointPath:
     path = RoundedPath([(-0.3, -0.7), (0.2, -0.9), (0.3, -0.6)], 0.1, (1.0, 1.0))
-    return stroke(robot.mechanism, path, (1, -1), tuple(robot.inverse((-0.3, -0.7))), LIMITS)
+    return task_move(robot.mechanism, path, (1, -1), tuple(robot.inverse((-0.3, -0.7))), LIMITS)
 
 
 def resting(robot: Robot, pose: tuple[float, float]) -> JointPoint:
@@ -104,7 +104,7 @@ def test_a_mass_must_be_finite_and_not_negative(robot, mass):
 # --- encoders ---------------------------------------------------------------------------------------------------
 
 
-def test_a_perfect_encoder_reads_what_is():
+def test_a_perfect_encoder_reads_the_true_position():
     assert Encoder().read((0.123456789, -1.0)) == (0.123456789, -1.0)
 
 
@@ -133,7 +133,7 @@ def test_an_encoder_needs_a_finite_resolution_and_noise(bad):
         Encoder(noise=bad)
 
 
-def test_a_reading_is_what_encoders_and_motors_say_about_the_drives(robot):
+def test_a_reading_has_encoder_positions_and_motor_efforts_of_the_drives(robot):
     payload = Payload(robot.mechanism, MASS_KG, -1)
     q = tuple(robot.inverse(POSES[0]))
     machine = Machine(Drives(stand(q), LIMITS), Encoder(resolution=0.01), payload)
@@ -164,31 +164,31 @@ def test_a_reading_is_what_encoders_and_motors_say_about_the_drives(robot):
     ],
 )
 def test_only_ok_and_warn_with_a_scale_in_0_to_1_allow_motion(level, scale, allowed):
-    obedience = Obedience(0.1)
-    obedience.hear(level, scale, 5 * MS)
-    assert obedience.allowed(6 * MS) == allowed
+    stop_response = StopResponse(0.1)
+    stop_response.hear(level, scale, 5 * MS)
+    assert stop_response.allowed(6 * MS) == allowed
 
 
-def test_nothing_heard_yet_means_brake():
-    assert Obedience(0.1).allowed(0) == 0.0
+def test_before_the_first_verdict_a_consumer_brakes():
+    assert StopResponse(0.1).allowed(0) == 0.0
 
 
 def test_silence_longer_than_the_timeout_means_brake_and_a_new_verdict_ends_it():
-    obedience = Obedience(0.1)
-    obedience.hear(0, 1.0, 0)
-    assert obedience.allowed(100 * MS) == 1.0
-    assert obedience.allowed(100 * MS + 1) == 0.0
-    obedience.hear(0, 1.0, 300 * MS)
-    assert obedience.allowed(301 * MS) == 1.0
+    stop_response = StopResponse(0.1)
+    stop_response.hear(0, 1.0, 0)
+    assert stop_response.allowed(100 * MS) == 1.0
+    assert stop_response.allowed(100 * MS + 1) == 0.0
+    stop_response.hear(0, 1.0, 300 * MS)
+    assert stop_response.allowed(301 * MS) == 1.0
 
 
 def test_a_verdict_does_not_excuse_silence_long_before_it():
-    obedience = Obedience(0.1)
-    obedience.hear(0, 1.0, 5000 * MS)
-    assert obedience.allowed(4000 * MS) == 0.0
+    stop_response = StopResponse(0.1)
+    stop_response.hear(0, 1.0, 5000 * MS)
+    assert stop_response.allowed(4000 * MS) == 0.0
 
 
 @pytest.mark.parametrize("timeout", [0.0, -1.0, float("nan"), float("inf")])
 def test_the_timeout_cannot_be_switched_off(timeout):
     with pytest.raises(BadSetting):
-        Obedience(timeout)
+        StopResponse(timeout)

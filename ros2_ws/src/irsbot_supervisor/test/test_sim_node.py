@@ -27,29 +27,24 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from irsbot_msgs_py.cdr import decode_joint_state
 from irsbot_msgs_py.records import JointSample, Level
-from irsbot_supervisor.suite import free_domain
+from irsbot_supervisor.processes.suite import free_domain
 
-pytestmark = [
-    pytest.mark.ros,
-    # rclpy reads .idl files with a version of lark that still imports this module
-    pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning"),
-]
+pytestmark = pytest.mark.ros
 
 PATIENCE_S = 120.0
 """Longest wait for anything: far more than it takes, on the slowest machine."""
 
 DECELERATION = 400.0  # rad/s2, what is shipped for irsbot2
-DOMAIN = 1 + (os.getpid() * 7 + 50) % 100
 
 Condition = Callable[[list[JointSample]], bool]
 
 
-class Supervision:
+class SupervisorSession:
     """The other side of the simulated joints: says what it is told every 10 ms, and keeps what it hears."""
 
     def __init__(self) -> None:
-        self.context = rclpy.Context()
-        rclpy.init(context=self.context, domain_id=DOMAIN)
+        self.context, self.domain = rclpy.Context(), free_domain()
+        rclpy.init(context=self.context, domain_id=self.domain)
         self.node = rclpy.create_node("supervision", context=self.context)
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._verdicts = self.node.create_publisher(VerdictMessage, "supervisor/verdict", latched)
@@ -59,14 +54,14 @@ class Supervision:
         self.node.create_timer(0.01, self._speak)
         self._executor = EventsExecutor(context=self.context)
         self._executor.add_node(self.node)
-        self._said: VerdictMessage | None = None
+        self._stated: VerdictMessage | None = None
         self._heard: list[JointSample] = []
         self._condition: Condition = lambda heard: False
         self._met = Future()
 
     def say(self, level: int | None, speed_scale: float = 1.0) -> None:
         """From now on this verdict; None: silence."""
-        self._said = None if level is None else VerdictMessage(level=int(level), speed_scale=speed_scale)
+        self._stated = None if level is None else VerdictMessage(level=int(level), speed_scale=speed_scale)
 
     def command(self, names: list[str], points: list[tuple[float, list[float]]]) -> None:
         """Publish a trajectory once the joints listen."""
@@ -117,17 +112,17 @@ class Supervision:
             self._met.set_result(None)
 
     def _speak(self) -> None:
-        if self._said is not None:
-            self._verdicts.publish(self._said)
+        if self._stated is not None:
+            self._verdicts.publish(self._stated)
 
 
 @contextmanager
-def simulated_joints(**parameters: object) -> Iterator[subprocess.Popen[str]]:
+def simulated_joints(domain: int, **parameters: object) -> Iterator[subprocess.Popen[str]]:
     """The node as a process; interrupted on the way out, killed if that does not help."""
     arguments = [word for name, value in parameters.items() for word in ("-p", f"{name}:={value}")]
     process = subprocess.Popen(
         [sys.executable, "-m", "irsbot_supervisor.nodes.simulated_joints", "--ros-args", *arguments],
-        env={**os.environ, "ROS_DOMAIN_ID": str(DOMAIN)},
+        env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
         stderr=subprocess.PIPE,
         text=True,
     )
@@ -142,17 +137,17 @@ def simulated_joints(**parameters: object) -> Iterator[subprocess.Popen[str]]:
 
 
 @pytest.fixture(scope="module")
-def supervision() -> Iterator[Supervision]:
-    supervision = Supervision()
-    yield supervision
-    supervision.close()
+def session() -> Iterator[SupervisorSession]:
+    session = SupervisorSession()
+    yield session
+    session.close()
 
 
 @pytest.fixture(scope="class")
-def patient(supervision: Supervision) -> Iterator[Supervision]:
+def patient(session: SupervisorSession) -> Iterator[SupervisorSession]:
     """Joints in endless motion that wait long for a verdict: only its level can stop them."""
-    with simulated_joints(verdict_timeout_s=PATIENCE_S):
-        yield supervision
+    with simulated_joints(session.domain, verdict_timeout_s=PATIENCE_S):
+        yield session
 
 
 def moves(heard: list[JointSample]) -> bool:
@@ -227,33 +222,31 @@ class TestJointsInEndlessMotion:
         patient.until(publishers(1))
 
 
-def test_the_joints_brake_when_the_supervisor_falls_silent_and_a_disobedient_robot_does_not(supervision):
-    with simulated_joints():
-        supervision.say(Level.OK)
-        supervision.until(moves)
-        supervision.say(None)
-        braking = supervision.until(stands_for_long)
+def test_the_joints_brake_when_the_supervisor_falls_silent_and_a_disobedient_robot_does_not(session):
+    with simulated_joints(session.domain):
+        session.say(Level.OK)
+        session.until(moves)
+        session.say(None)
+        braking = session.until(stands_for_long)
         assert max(abs(v) for sample in braking for v in sample.velocity) > 1.0, "they stood before the silence"
         assert largest_deceleration(braking) < 1.1 * DECELERATION
-        supervision.say(Level.OK)
-        supervision.until(moves)
-    supervision.say(Level.STOP)
-    with simulated_joints(obey="false"):
-        supervision.until(moves)
+        session.say(Level.OK)
+        session.until(moves)
+    session.say(Level.STOP)
+    with simulated_joints(session.domain, obey="false"):
+        session.until(moves)
 
 
-def test_a_command_waits_for_the_verdict_and_is_then_followed_by_name(supervision):
-    supervision.say(Level.UNKNOWN)
-    with simulated_joints(scenario="stand", verdict_timeout_s=PATIENCE_S):
-        begin = supervision.until(stands_for_long)[-1].position
-        supervision.command(
-            ["joint_2", "joint_1"], [(0.1, [begin[1], begin[0]]), (0.4, [begin[1] - 0.1, begin[0] + 0.2])]
-        )
-        still = supervision.until(lambda heard: len(heard) >= 500)
+def test_a_command_waits_for_the_verdict_and_is_then_followed_by_name(session):
+    session.say(Level.UNKNOWN)
+    with simulated_joints(session.domain, scenario="stand", verdict_timeout_s=PATIENCE_S):
+        begin = session.until(stands_for_long)[-1].position
+        session.command(["joint_2", "joint_1"], [(0.1, [begin[1], begin[0]]), (0.4, [begin[1] - 0.1, begin[0] + 0.2])])
+        still = session.until(lambda heard: len(heard) >= 500)
         assert all(sample.position == begin for sample in still)
-        supervision.say(Level.OK)
+        session.say(Level.OK)
         there = pytest.approx((begin[0] + 0.2, begin[1] - 0.1), abs=1e-9)
-        supervision.until(lambda heard: bool(heard) and heard[-1].position == there)
+        session.until(lambda heard: bool(heard) and heard[-1].position == there)
 
 
 @pytest.mark.parametrize(
@@ -265,7 +258,7 @@ def test_a_command_waits_for_the_verdict_and_is_then_followed_by_name(supervisio
     ],
 )
 def test_a_wrong_parameter_is_one_line_and_exit_code_2(parameters, words):
-    with simulated_joints(**parameters) as process:
+    with simulated_joints(free_domain(), **parameters) as process:
         _, err = process.communicate(timeout=PATIENCE_S)
         assert process.returncode == 2
         assert len(err.splitlines()) == 1
@@ -285,23 +278,23 @@ def test_joints_that_hear_no_supervisor_say_once_where_they_listen():
     pipe = subprocess.PIPE
     with subprocess.Popen([sys.executable, "-c", LONELY], stderr=pipe, text=True, env=environment) as process:
         assert process.stderr is not None
-        said = next(line for line in process.stderr if "no verdict" in line)
+        stated = next(line for line in process.stderr if "no verdict" in line)
         process.send_signal(signal.SIGINT)
         rest = process.stderr.read()
-    assert "no verdict on /supervisor/verdict" in said
-    assert "-r supervisor/verdict:=NAME/verdict" in said
+    assert "no verdict on /supervisor/verdict" in stated
+    assert "-r supervisor/verdict:=NAME/verdict" in stated
     assert "no verdict" not in rest
 
 
-def test_the_first_sample_waits_for_the_listeners_that_were_announced(supervision: Supervision):
+def test_the_first_sample_waits_for_the_listeners_that_were_announced(session: SupervisorSession):
     begin_ns = time.time_ns()  # what the nodes of other tests have said may still be on its way
 
     def heard(seconds: float) -> list[JointSample]:
-        return [sample for sample in supervision.look(seconds) if sample.stamp_ns > begin_ns]
+        return [sample for sample in session.look(seconds) if sample.stamp_ns > begin_ns]
 
-    with simulated_joints(listeners=2):
-        while not supervision.node.count_publishers("joint_states"):
+    with simulated_joints(session.domain, listeners=2):
+        while not session.node.count_publishers("joint_states"):
             assert heard(0.1) == []
         assert heard(1.5) == []  # three times as long as without listeners to wait for
-        supervision.listen_again()
-        assert supervision.until(lambda heard: heard[-1].stamp_ns > begin_ns)
+        session.listen_again()
+        assert session.until(lambda heard: heard[-1].stamp_ns > begin_ns)

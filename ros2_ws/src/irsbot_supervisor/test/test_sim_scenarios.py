@@ -13,14 +13,14 @@ import yaml
 
 from irsbot_kinematics import NotAssembled, Robot, make_robot
 from irsbot_msgs_py.records import Cause, JointSample, Level
-from irsbot_supervisor.core.motion import JointLimits
-from irsbot_supervisor.core.pipeline import Supervisor
-from irsbot_supervisor.settings_file import read_settings
+from irsbot_supervisor.configuration.loading import read_settings
+from irsbot_supervisor.core.supervisor import Supervisor
 from irsbot_supervisor.sim.errors import BadScenario, BadSetting
-from irsbot_supervisor.sim.obedience import Obedience
 from irsbot_supervisor.sim.scenario_file import read_scenario, scenario_names, scenario_robots
 from irsbot_supervisor.sim.scenarios import Wait, plan
 from irsbot_supervisor.sim.simulation import Simulation, build, simulation_from
+from irsbot_supervisor.sim.stop_response import StopResponse
+from irsbot_supervisor.trajectory.joint_path import JointLimits
 
 MS = 1_000_000
 BEGIN_NS = 10**15
@@ -54,7 +54,7 @@ def periods(simulation, robot, scenario) -> int:
 def smallest_margins(robot, joints: np.ndarray) -> np.ndarray:
     """The smallest margin of each posture, over its stop limit's kind: Type 1, Type 2, constraint (N, 3). The branch of
     the first posture is followed where labels do not hold."""
-    if not robot.mechanism.labels_hold:
+    if not robot.mechanism.label_is_invariant:
         at, rows = robot.posture(joints[0]), []
         for q in joints.tolist():
             at = robot.mechanism.track(tuple(q), at)
@@ -80,7 +80,7 @@ def test_the_scenarios_that_the_documentation_names_are_shipped():
 
 
 @pytest.mark.parametrize(("name", "robot"), SHIPPED)
-def test_left_alone_a_scenario_leads_where_it_says(name, robot):
+def test_without_supervision_a_scenario_reaches_its_singularity(name, robot):
     settings, machine_robot, simulation, machine, scenario = shipped(name, robot)
     readings = [machine.step(simulation.period_s, 1.0) for _ in range(periods(simulation, machine_robot, scenario))]
     margins = smallest_margins(machine_robot, np.array([reading.position for reading in readings]))
@@ -101,16 +101,16 @@ def test_left_alone_a_scenario_leads_where_it_says(name, robot):
 def test_supervised_a_scenario_ends_as_it_must(name, robot):
     """Joints and supervisor in a loop: the verdict of a sample is obeyed in the next period."""
     settings, machine_robot, simulation, machine, scenario = shipped(name, robot)
-    supervisor, obedience = Supervisor(settings, machine_robot), Obedience(simulation.verdict_timeout_s)
+    supervisor, stop_response = Supervisor(settings, machine_robot), StopResponse(simulation.verdict_timeout_s)
     joints, stop = [], None
     for k in range(periods(simulation, machine_robot, scenario) + 500):
         now = BEGIN_NS + k * MS
-        reading = machine.step(simulation.period_s, obedience.allowed(now))
+        reading = machine.step(simulation.period_s, stop_response.allowed(now))
         joints.append(machine.drives.now.position)
         verdict = supervisor.step(JointSample(now, now, now, simulation.joint_names, *reading)).verdict
         if verdict is None:
             continue
-        obedience.hear(verdict.level, verdict.speed_scale, now)
+        stop_response.hear(verdict.level, verdict.speed_scale, now)
         moved = np.ptp(np.array(joints), axis=0).max() > 0.1
         if verdict.level >= Level.STOP and moved:
             stop = stop or verdict
@@ -259,7 +259,7 @@ def test_a_scenario_that_cannot_be_driven_is_refused(tmp_path, changes, reason):
         plan(scenario, IRSBOT2.mechanism, LIMITS)
 
 
-def test_an_unknown_scenario_robot_or_file_is_refused_with_what_is_known(tmp_path):
+def test_an_unknown_scenario_robot_or_file_is_refused_with_the_known_names(tmp_path):
     with pytest.raises(BadScenario, match=r"no scenario 'pick'; known are .*pick_and_place"):
         read_scenario("pick")
     with pytest.raises(BadScenario, match="has no robot 'five_bar'; it has irsbot2_beta45"):

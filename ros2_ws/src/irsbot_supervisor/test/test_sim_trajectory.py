@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from irsbot_kinematics import Robot, make_robot
-from irsbot_supervisor.core.motion import BadTrajectory, JointLimits, JointPath
 from irsbot_supervisor.sim.errors import BadPath
 from irsbot_supervisor.sim.paths import RoundedPath, corners_of
-from irsbot_supervisor.sim.trajectory import Course, nearest_turn, stand, stroke, swing
+from irsbot_supervisor.sim.trajectory import MotionSequence, joint_move, nearest_turn, stand, task_move
+from irsbot_supervisor.trajectory.joint_path import BadTrajectory, JointLimits, JointPath
 
 LIMITS = JointLimits((12.0, 12.0), (400.0, 400.0), (400.0, 400.0))
 START = (-0.1525, -0.85)
@@ -25,7 +25,7 @@ def robot() -> Robot:
 @pytest.fixture(scope="module")
 def across(robot: Robot) -> JointPath:
     path = RoundedPath(CYCLE, ROUNDING_M, (1.0, 1.0))
-    return stroke(robot.mechanism, path, (1, -1), tuple(robot.inverse(START)), LIMITS)
+    return task_move(robot.mechanism, path, (1, -1), tuple(robot.inverse(START)), LIMITS)
 
 
 def sampled(path: JointPath, step_s: float) -> np.ndarray:
@@ -99,7 +99,7 @@ def test_finite_differences_of_a_stroke_stay_within_the_limits_and_reach_one(acr
 
 
 def test_a_long_swing_is_limited_by_velocity_and_keeps_it_most_of_the_time():
-    path = swing((0.0, 0.0), (5.0, 0.5), LIMITS)
+    path = joint_move((0.0, 0.0), (5.0, 0.5), LIMITS)
     q = sampled(path, 1e-4)
     velocity = np.diff(q, axis=0) / 1e-4
     assert 0.98 * 12.0 < velocity.max() <= 12.0 * (1.0 + 1e-9)
@@ -109,7 +109,7 @@ def test_a_long_swing_is_limited_by_velocity_and_keeps_it_most_of_the_time():
 
 
 def test_speed_scales_velocity_linearly_and_acceleration_quadratically(robot):
-    fast, slow = (swing((0.0, 0.0), (1.0, -2.0), LIMITS, speed) for speed in (1.0, 0.5))
+    fast, slow = (joint_move((0.0, 0.0), (1.0, -2.0), LIMITS, speed) for speed in (1.0, 0.5))
     assert np.allclose(slow.peaks[0], np.array(fast.peaks[0]) / 2.0)
     assert np.allclose(slow.peaks[1], np.array(fast.peaks[1]) / 4.0)
 
@@ -128,13 +128,13 @@ def test_a_joint_that_passes_half_a_turn_does_not_jump(robot):
     raw = np.array([robot.inverse((-0.1525, z))[0] for z in np.linspace(-0.85, -0.65, 50)])
     assert np.abs(np.diff(raw)).max() > 6.0, "the fixture does not cross half a turn"
     near = tuple(robot.inverse(corners[0]))
-    path = stroke(robot.mechanism, RoundedPath(corners, 0.0, (1.0, 1.0)), (1, -1), near, LIMITS)
+    path = task_move(robot.mechanism, RoundedPath(corners, 0.0, (1.0, 1.0)), (1, -1), near, LIMITS)
     assert np.abs(np.diff(sampled(path, 1e-4), axis=0)).max() < 12.0 * 1e-4 * (1.0 + 1e-9)
 
 
 def test_a_stroke_begins_in_the_turn_the_joints_are_in(robot):
     begin = tuple(robot.inverse(START) + np.array([2.0, -4.0]) * np.pi)
-    path = stroke(robot.mechanism, RoundedPath(CYCLE, ROUNDING_M, (1.0, 1.0)), (1, -1), begin, LIMITS)
+    path = task_move(robot.mechanism, RoundedPath(CYCLE, ROUNDING_M, (1.0, 1.0)), (1, -1), begin, LIMITS)
     assert np.allclose(path.at(0.0).position, begin, atol=1e-12)
     assert np.allclose(nearest_turn(robot.mechanism, robot.inverse(START), begin), begin, atol=1e-12)
 
@@ -142,7 +142,7 @@ def test_a_stroke_begins_in_the_turn_the_joints_are_in(robot):
 def test_a_stroke_out_of_the_workspace_is_refused_with_place_and_distance(robot):
     path = RoundedPath([(0.0, -0.8), (0.0, -1.25)], 0.0, (1.0, 1.0))
     with pytest.raises(BadPath, match=r"leaves the workspace at \(0, -1\.25\) by 50\.1 mm"):  # W2: 50.08 mm
-        stroke(robot.mechanism, path, (1, -1), (0.0, 0.0), LIMITS)
+        task_move(robot.mechanism, path, (1, -1), (0.0, 0.0), LIMITS)
 
 
 def test_peaks_are_those_of_dense_samples_even_between_knots():
@@ -183,22 +183,24 @@ def test_limits_must_be_positive_and_finite(bad):
 
 
 def test_a_course_repeats_its_parts_and_then_rests():
-    there, back = swing((0.0,), (1.0,), _one(LIMITS)), swing((1.0,), (0.0,), _one(LIMITS))
-    cycle = Course([(there, 1), (back, 1)])
-    course = Course([(stand((0.0,), 0.5), 1), (cycle, 3), (there, 1)])
+    there, back = joint_move((0.0,), (1.0,), _one(LIMITS)), joint_move((1.0,), (0.0,), _one(LIMITS))
+    cycle = MotionSequence([(there, 1), (back, 1)])
+    sequence = MotionSequence([(stand((0.0,), 0.5), 1), (cycle, 3), (there, 1)])
     period = there.duration_s + back.duration_s
-    assert course.duration_s == pytest.approx(0.5 + 3.0 * period + there.duration_s)
+    assert sequence.duration_s == pytest.approx(0.5 + 3.0 * period + there.duration_s)
     for k in range(3):
-        assert course.at(0.5 + k * period + there.duration_s + 0.01).position == pytest.approx(back.at(0.01).position)
-    assert course.at(0.25).position == (0.0,)
-    assert course.at(1e9) == ((1.0,), (0.0,), (0.0,))
+        assert sequence.at(0.5 + k * period + there.duration_s + 0.01).position == pytest.approx(back.at(0.01).position)
+    assert sequence.at(0.25).position == (0.0,)
+    assert sequence.at(1e9) == ((1.0,), (0.0,), (0.0,))
 
 
-def test_a_course_may_go_on_for_ever():
-    cycle = Course([(swing((0.0,), (1.0,), _one(LIMITS)), 1), (swing((1.0,), (0.0,), _one(LIMITS)), 1)])
-    course = Course([(cycle, float("inf"))])
-    assert course.duration_s == float("inf")
-    assert course.at(12345 * cycle.duration_s + 0.01).position == pytest.approx(cycle.at(0.01).position, abs=1e-6)
+def test_a_motion_may_be_repeated_without_end():
+    cycle = MotionSequence(
+        [(joint_move((0.0,), (1.0,), _one(LIMITS)), 1), (joint_move((1.0,), (0.0,), _one(LIMITS)), 1)]
+    )
+    sequence = MotionSequence([(cycle, float("inf"))])
+    assert sequence.duration_s == float("inf")
+    assert sequence.at(12345 * cycle.duration_s + 0.01).position == pytest.approx(cycle.at(0.01).position, abs=1e-6)
 
 
 def _one(limits: JointLimits) -> JointLimits:

@@ -11,8 +11,8 @@ from supervised import settings_of
 from irsbot_msgs_py.records import Cause, Finding, Level
 from irsbot_supervisor.core.estimation.estimate import Estimate
 from irsbot_supervisor.core.estimation.estimator import Estimator
-from irsbot_supervisor.core.intake import Accepted
 from irsbot_supervisor.core.stop_monitor import StopMonitor
+from irsbot_supervisor.core.validation import Accepted
 
 BRAKE, LATENCY_S = 400.0, 0.01  # shipped
 SEEN_NS, STAMP_NS = 10**9, 10**15
@@ -56,7 +56,7 @@ class Stopped:
 @pytest.mark.parametrize("rate", [6.0, -6.0, 11.0, 0.5])
 @pytest.mark.parametrize("at", [0.0, 3.14, -3.14])
 @pytest.mark.parametrize("harder", [1.0, 3.0])
-def test_a_stop_within_its_brakes_says_nothing_and_is_measured(rate, at, harder):
+def test_a_stop_within_its_brakes_has_no_finding_and_is_measured(rate, at, harder):
     """Also where it leads across half a turn. at: rad where the stop begins."""
     stopped = Stopped(rate, at - 0.06 * rate)
     last = stopped.run(harder * BRAKE).last
@@ -72,7 +72,7 @@ def test_a_stop_within_its_brakes_says_nothing_and_is_measured(rate, at, harder)
 
 
 @pytest.mark.parametrize("rate", [11.0, -11.0])
-def test_what_is_allowed_is_the_way_of_the_worst_drive_from_then_on(rate):
+def test_the_allowance_is_the_displacement_of_the_worst_drive(rate):
     """The speed is 11 rad/s and up to 12 certain; drives may speed up to 12 until the brakes act, 10 ms and one of
     judging later: no less than of what is seen, no more than from full speed."""
     last = Stopped(rate).run().last
@@ -101,7 +101,7 @@ def test_brakes_that_are_weaker_or_later_than_configured_are_named_with_joint_wa
     assert last.way > last.allowed
 
 
-def test_before_a_stop_and_after_rest_nothing_is_said():
+def test_before_a_stop_and_after_rest_there_is_no_finding():
     stopped = Stopped(6.0)
     assert stopped.monitor.last is None
     stopped.run()

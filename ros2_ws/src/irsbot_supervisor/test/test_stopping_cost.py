@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from supervised import settings_of
 
-from irsbot_supervisor.core.room import postures
+from irsbot_supervisor.configuration.stoppable_speed import postures
+from irsbot_supervisor.configuration.stopping_cost import Cost, costs
 from irsbot_supervisor.core.stopping import limits_of
-from irsbot_supervisor.core.stopping_cost import Cost, costs
 
 WHAT = ["as stated", "half of latency_s", "twice the rate", "half of acceleration_limit", "stamp_jitter_s 0"]
 
@@ -71,7 +71,7 @@ def share_on_a_grid(name: str, row: Cost) -> float:
 
 
 @pytest.mark.parametrize("name", ["irsbot2", "five_bar"])
-def test_the_share_of_postures_is_what_the_boxes_truly_lose_and_at_most_twice_that(name):
+def test_the_share_of_postures_is_at_most_twice_the_true_share(name):
     settings, robot = settings_of(name)
     rows = costs(settings, robot.mechanism, 1000.0)
     for row in rows[:2]:
@@ -81,7 +81,7 @@ def test_the_share_of_postures_is_what_the_boxes_truly_lose_and_at_most_twice_th
     assert rows[1].stopped < rows[0].stopped
 
 
-def test_platform_metres_are_what_one_crank_moves_it_by():
+def test_platform_metres_are_the_displacement_by_one_crank():
     """The platform of two rods moves with a crank of l1 = 1/margin at most as fast as its end."""
     settings, robot = settings_of("irsbot2")
     row = costs(settings, robot.mechanism, 1000.0)[0]

@@ -12,13 +12,13 @@ from typer.testing import CliRunner, Result
 
 from irsbot_msgs_py.records import Cause
 from irsbot_supervisor.cli.app import app
-from irsbot_supervisor.core.cartesian import survey_poses
-from irsbot_supervisor.core.certify import certify
-from irsbot_supervisor.core.policy import KINDS
-from irsbot_supervisor.core.survey import survey
-from irsbot_supervisor.settings_file import read_settings
+from irsbot_supervisor.configuration.loading import read_settings
+from irsbot_supervisor.core.margins import MARGIN_CAUSES
+from irsbot_supervisor.trajectory.survey import survey
+from irsbot_supervisor.trajectory.task_space import survey_poses
+from irsbot_supervisor.trajectory.verification import certify
 
-TYPE2 = KINDS.index(Cause.TYPE2)
+TYPE2 = MARGIN_CAUSES.index(Cause.TYPE2)
 
 SETTINGS, ROBOT = read_settings("irsbot2_beta45")
 
@@ -80,7 +80,7 @@ def test_poses_out_of_reach_are_passed_over_and_the_path_goes_on_behind_them() -
     assert found.whole[TYPE2][0] == 0.0
 
 
-def test_a_path_that_begins_out_of_reach_says_so() -> None:
+def test_a_path_that_begins_out_of_reach_is_reported() -> None:
     found = survey_poses(ROBOT, SETTINGS, [0.0, 1.0], [(1.2, -0.75), FREE])
     assert "unreachable" in found.runs[0].first.text
 
@@ -104,14 +104,14 @@ def asked(folder: Path, header: str, rows: list[str], *words: str) -> Result:
     return CliRunner().invoke(app, ["check-trajectory", "irsbot2_beta45", str(file), *words])
 
 
-def test_the_command_tells_row_time_and_pose_of_a_violation_and_both_bounds(tmp_path: Path) -> None:
+def test_the_command_prints_row_time_and_pose_of_a_violation_and_both_bounds(tmp_path: Path) -> None:
     rows = [f"{k},0,{-0.75 + 0.03 * k}" for k in range(11)]
     done = asked(tmp_path, "time_s,x,z", rows, "--json")
-    said = json.loads(done.stdout)
-    assert not said["safe"]
-    assert said["violation"]["row"] == int(said["violation"]["time_s"]) + 1
-    assert set(said["violation"]["pose"]) == {"x", "z"}
-    (type2,) = [row for row in said["margins"] if row["margin"] == "Type 2 margin"]
+    stated = json.loads(done.stdout)
+    assert not stated["safe"]
+    assert stated["violation"]["row"] == int(stated["violation"]["time_s"]) + 1
+    assert set(stated["violation"]["pose"]) == {"x", "z"}
+    (type2,) = [row for row in stated["margins"] if row["margin"] == "Type 2 margin"]
     assert type2["before_violation"] >= SETTINGS.type2_stop > type2["whole"]
 
 
@@ -127,10 +127,10 @@ def test_all_violations_are_listed_on_request(tmp_path: Path) -> None:
 def test_speeds_above_the_limit_are_a_finding(tmp_path: Path) -> None:
     """1 mm in a microsecond."""
     done = asked(tmp_path, "time_s,x,z", ["0,0,-0.75", "1e-6,0,-0.751"], "--json")
-    said = json.loads(done.stdout)
-    assert not said["safe"]
-    assert {finding["joint"] for finding in said["too_fast"]} == set(SETTINGS.joint_names)
-    assert all(finding["row"] == 1 for finding in said["too_fast"])
+    stated = json.loads(done.stdout)
+    assert not stated["safe"]
+    assert {finding["joint"] for finding in stated["too_fast"]} == set(SETTINGS.joint_names)
+    assert all(finding["row"] == 1 for finding in stated["too_fast"])
     slow = json.loads(asked(tmp_path, "time_s,x,z", ["0,0,-0.75", "1,0,-0.751"], "--json").stdout)
     assert slow["safe"]
     assert slow["too_fast"] == []

@@ -13,7 +13,7 @@ from typing import Any
 import psutil
 import pytest
 
-from irsbot_supervisor.worker import Task, Worker, WorkerError
+from irsbot_supervisor.processes.worker import Task, Worker, WorkerError
 
 PATIENCE_S = 60.0
 
@@ -49,18 +49,18 @@ def test_it_computes_in_another_process_at_a_lower_priority(desk: Desk):
     assert desk.ask(os.getpid) == (pid, None)  # one process for all tasks
 
 
-def test_what_waits_is_done_in_order(desk: Desk):
+def test_waiting_tasks_run_in_order(desk: Desk):
     for number in range(20):
         desk.submit(math.factorial, number)
     assert [desk.heard.get(timeout=PATIENCE_S)[0] for _ in range(20)] == [math.factorial(k) for k in range(20)]
 
 
-def test_what_a_task_prints_is_no_answer(desk: Desk):
+def test_printed_text_of_a_task_is_not_its_answer(desk: Desk):
     assert desk.ask(print, "a word") == (None, None)
     assert desk.ask(math.gcd, 4, 6) == (2, None)
 
 
-def test_an_error_of_a_task_is_told_and_the_next_one_is_done(desk: Desk):
+def test_an_error_of_a_task_is_reported_and_the_next_one_runs(desk: Desk):
     result, error = desk.ask(math.sqrt, -1.0)
     assert result is None
     assert "ValueError" in str(error)
@@ -68,7 +68,7 @@ def test_an_error_of_a_task_is_told_and_the_next_one_is_done(desk: Desk):
     assert desk.ask(math.gcd, 4, 6) == (2, None)
 
 
-def test_a_process_that_dies_is_told_and_another_takes_its_place(desk: Desk):
+def test_a_dead_process_is_reported_and_replaced(desk: Desk):
     pid, _ = desk.ask(os.getpid)
     result, error = desk.ask(os.kill, pid, signal.SIGKILL)
     assert result is None
@@ -78,7 +78,7 @@ def test_a_process_that_dies_is_told_and_another_takes_its_place(desk: Desk):
     assert after != pid
 
 
-def test_it_ends_with_its_owner_in_the_middle_of_a_task_and_nobody_is_told(desk: Desk):
+def test_it_ends_with_its_owner_in_the_middle_of_a_task_without_notice(desk: Desk):
     process = psutil.Process(desk.ask(os.getpid)[0])
     desk.submit(time.sleep, 10 * PATIENCE_S)
     desk.submit(math.gcd, 4, 6)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from irsbot_kinematics.algebra.engine import flint
-from irsbot_kinematics.algebra.polynomial import univariate
+from irsbot_kinematics.algebra.model.engine import flint
+from irsbot_kinematics.algebra.model.polynomial import univariate
 
 SMALL_DEGREE = 24
-"""1: up to this product of degrees flint's own resultant is faster."""
+"""1: up to this product of degrees, flint's own resultant is faster."""
 
 
 class Curve:

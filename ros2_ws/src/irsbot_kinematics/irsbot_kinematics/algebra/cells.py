@@ -1,4 +1,4 @@
-"""What a decomposition returns: cells, regions, areas, graph, location."""
+"""Results of a decomposition: cells, regions, areas, graph, location."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from irsbot_kinematics.algebra.charts import Axis
-from irsbot_kinematics.algebra.engine import AlgebraError, flint
+from irsbot_kinematics.algebra.model.engine import AlgebraError, flint
+from irsbot_kinematics.algebra.model.polynomial import Polynomial, public, ring_of
+from irsbot_kinematics.algebra.model.roots import RealRoot
 from irsbot_kinematics.algebra.plane import Plane, Said
-from irsbot_kinematics.algebra.polynomial import Polynomial, public, ring_of
-from irsbot_kinematics.algebra.roots import RealRoot
 
 NODES = 24
 """1: Gauss-Legendre nodes of a column; walls with vertical tangents become smooth by the change of variable."""
@@ -24,7 +24,7 @@ Sample = tuple[Fraction | float, Fraction | float]
 
 @dataclass(frozen=True)
 class Cell:
-    """One open cell. sample: a rational point (a float where the parameter is an angle). count: certified."""
+    """One open cell. sample: a rational point (a float if the parameter is an angle). count: certified."""
 
     index: int
     column: int
@@ -33,31 +33,30 @@ class Cell:
     chart: tuple[Fraction, Fraction] = field(repr=False)
     """The sample in chart coordinates, exact."""
     count: int
-    """Number of real solutions that keep the inequalities."""
+    """Number of real solutions that satisfy the inequalities."""
 
 
 @dataclass(frozen=True)
 class Region:
-    """A connected component of touching cells with one number of solutions; it does not depend on the columns."""
+    """A connected component of adjacent cells with the same number of solutions; it does not depend on the columns."""
 
     index: int
     count: int
     cells: tuple[int, ...]
     area: float
-    """Numeric, in the units of the two parameters; 1e-7 and better where it could be compared."""
+    """Numeric, in the units of the two parameters; accurate to 1e-7 or better in all comparisons."""
     sample: Sample
 
 
 @dataclass
 class Cells:
-    """A decomposed rectangle. Exact but for areas."""
+    """A decomposed rectangle. Exact except for areas."""
 
     name: str
     space: str
     axes: tuple[Axis, Axis]
     walls: list[Polynomial]
-    """Irreducible walls that meet the box; a parameter of axis kind 'square' stands for its square, 'tangent' for
-    tan(a/2)."""
+    """Irreducible walls that meet the box; a parameter of axis kind 'square' denotes its square, 'tangent' tan(a/2)."""
     wall_kinds: list[str]
     """'singular' or 'limit' (an inequality), for each wall."""
     cells: list[Cell]
@@ -66,7 +65,7 @@ class Cells:
     regions: list[Region]
     fixed: dict[str, str]
     rounded: dict[str, Fraction]
-    """Parameters that were rounded before the work, and to what."""
+    """Parameters that were rounded, and their rounded values."""
     cell_areas: list[float] = field(default_factory=list, repr=False)
     criticals: list[tuple[list[int], list[tuple[int, str, str]]]] = field(default_factory=list, repr=False)
     _plane: Plane | None = field(default=None, repr=False)
@@ -99,13 +98,13 @@ class Cells:
         return next(cell for cell in self.cells if (cell.column, cell.row) == place)
 
     def region_of(self, cell: Cell | int) -> Region:
-        """The region that holds a cell."""
+        """The region that contains a cell."""
         index = cell if isinstance(cell, int) else cell.index
         return next(region for region in self.regions if index in region.cells)
 
     @property
     def plane(self) -> Plane:
-        """Columns and stacks; made again where the cells come from the cache."""
+        """Columns and stacks; computed again if the cells come from the cache."""
         if self._plane is None:
             names = (self.axes[0].gen, self.axes[1].gen)
             samples = [next(c.chart[0] for c in self.cells if c.column == k) for k in range(self.columns)]
@@ -129,12 +128,12 @@ class Cells:
         cells: list[Cell],
         fixed: dict[str, str],
         rounded: Mapping[str, Fraction],
-        said: Said,
+        stated: Said,
     ) -> Cells:
         """Areas, graph and regions of counted cells."""
         place = {(cell.column, cell.row): cell.index for cell in cells}
         graph = [(place[a], place[b]) for a, b in plane.edges()]
-        areas = cell_areas(plane, said)
+        areas = cell_areas(plane, stated)
         index = [areas[cell.column][cell.row] for cell in cells]
         regions = _regions(cells, graph, index)
         criticals = [
@@ -188,7 +187,7 @@ def _regions(cells: Sequence[Cell], graph: Sequence[tuple[int, int]], areas: Seq
     return [Region(i, *item) for i, item in enumerate(found)]
 
 
-def cell_areas(plane: Plane, said: Said) -> list[list[float]]:
+def cell_areas(plane: Plane, stated: Said) -> list[list[float]]:
     """Area of every cell [column][row] by Gauss-Legendre in th, u = a + (b - a)(1 - cos th)/2. Numeric."""
     nodes, weights = np.polynomial.legendre.leggauss(NODES)
     th = 0.5 * pi * (nodes + 1.0)
@@ -196,7 +195,7 @@ def cell_areas(plane: Plane, said: Said) -> list[list[float]]:
     cuts = [first.box[0], *(first.user(float(root)) for root in plane.criticals), first.box[1]]
     found = []
     for k in range(len(plane.columns)):
-        said("areas", k + 1, len(plane.columns))
+        stated("areas", k + 1, len(plane.columns))
         a, b = cuts[k], cuts[k + 1]
         total: Any = np.zeros(plane.rows(k))
         used = 0.0

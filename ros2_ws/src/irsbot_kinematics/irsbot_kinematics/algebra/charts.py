@@ -7,10 +7,11 @@ from fractions import Fraction
 from math import atan, isqrt, pi, sqrt, tan
 from typing import Any
 
-from irsbot_kinematics.algebra.engine import AlgebraError
-from irsbot_kinematics.algebra.exact import exact, pair_of_tangent, simplest_between, tangent
-from irsbot_kinematics.algebra.parse import cosine_of, sine_of
+from irsbot_kinematics.algebra.model.engine import AlgebraError
+from irsbot_kinematics.algebra.model.exact import exact, pair_of_tangent, simplest_between, tangent
+from irsbot_kinematics.algebra.model.parse import cosine_of, sine_of
 from irsbot_kinematics.algebra.tangents import tangent_of
+from irsbot_kinematics.arguments import shown
 
 MARGIN = Fraction(1, 2**40)
 """1: relative distance that a sample keeps from the ends of its interval where the chart is not rational."""
@@ -34,14 +35,14 @@ class Axis:
         return tangent_of(self.name) if self.kind == "tangent" else self.name
 
     def chart(self, value: object) -> Fraction:
-        """Chart value of a user's value; exact but for angles."""
+        """Chart value of a user's value; exact except for angles."""
         if self.kind == "tangent":
             return tangent(float(exact(value, self.name) if not isinstance(value, float) else value))
         number = value if isinstance(value, Fraction) else exact(value, self.name)
         return number * number if self.kind == "square" else number
 
     def chart_float(self, value: float) -> Fraction:
-        """Chart value of a float taken as the binary number it is."""
+        """Chart value of a float, taken as its exact binary value."""
         if self.kind == "tangent":
             return Fraction(tan(0.5 * value))
         return Fraction(value) ** (2 if self.kind == "square" else 1)
@@ -88,13 +89,13 @@ def _root_up(value: Fraction) -> int:
 
 
 def axis(name: str, box: Any, turned: bool, even: bool) -> Axis:
-    """The chart of a parameter over a box. Raises AlgebraError for a box that is empty or no pair."""
+    """The chart of a parameter over a box. Raises AlgebraError for an empty box or a value that is not a pair."""
     low: Any
     high: Any
     try:
         low, high = box
     except (TypeError, ValueError):
-        raise AlgebraError(f"the box of {name} must be a pair (low, high), got {box!r}") from None
+        raise AlgebraError(f"the box of {name} must be a pair (low, high), got {shown(box)}") from None
     if turned:
         ends = (float(low), float(high))
         if not -pi < ends[0] < ends[1] < pi:

@@ -1,4 +1,4 @@
-"""What holds on every reachable pose, and where the direct kinematics has a continuum. Exact."""
+"""Equations that every reachable pose satisfies, and joint positions with a continuum of poses. Exact."""
 
 from __future__ import annotations
 
@@ -7,10 +7,9 @@ from itertools import product as choices
 from typing import Any
 
 from irsbot_kinematics.algebra.elimination import eliminate
-from irsbot_kinematics.algebra.engine import AlgebraError, flint
 from irsbot_kinematics.algebra.manipulators.planar import PlanarLegs
-from irsbot_kinematics.algebra.planar_forms import T, closing
-from irsbot_kinematics.algebra.polynomial import (
+from irsbot_kinematics.algebra.model.engine import AlgebraError, flint
+from irsbot_kinematics.algebra.model.polynomial import (
     Polynomial,
     context,
     integer_context,
@@ -19,15 +18,18 @@ from irsbot_kinematics.algebra.polynomial import (
     primitive,
     public,
 )
+from irsbot_kinematics.algebra.model.system import System
+from irsbot_kinematics.algebra.planar_forms import T, closing
 from irsbot_kinematics.algebra.singular import complete, moved_whole, places_of
-from irsbot_kinematics.algebra.system import System
+from irsbot_kinematics.arguments import checked
 
 
+@checked
 def constraint_equations(system: System) -> list[list[Polynomial]]:
-    """Components of what every reachable pose satisfies, each a list of polynomials in the pose alone. Exact.
+    """Components of the set of reachable poses, each a list of polynomials in the pose alone. Exact.
 
-    From the equations without actuators, passive variables eliminated; one component for each choice of factors.
-    Empty where every pose is free.
+    From the equations without actuators, passive variables eliminated; one component for each choice of factors. Empty
+    if every pose is free.
     """
     complete(system, "constraint equations")
     joints, passive = system.gens(system.joints), system.gens(system.passive)
@@ -44,6 +46,7 @@ def constraint_equations(system: System) -> list[list[Polynomial]]:
     return [[public(factor) for factor in choice] for choice in choices(*groups)]
 
 
+@checked
 def infinite_equations(system: System) -> list[list[Polynomial]]:
     """Joint positions with infinitely many direct solutions: components, each a list of polynomials. Exact, complex.
 
@@ -88,7 +91,7 @@ def _coefficients(poly: Any, name: str) -> list[Any]:
 
 
 def _common(polys: Sequence[Any], circles: Sequence[Any], names: Sequence[str]) -> list[list[Polynomial]]:
-    """Groebner basis of the common zeros; empty where there are none."""
+    """Groebner basis of the common zeros; empty if there are none."""
     whole = [primitive(moved_whole(p, names), names) for p in polys if p != 0]
     basis = flint.fmpz_mpoly_vec([*whole, *circles], integer_context(names)).buchberger_naive().autoreduction()
     if any(p.is_constant() for p in basis):

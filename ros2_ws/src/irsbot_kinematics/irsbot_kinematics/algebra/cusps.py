@@ -3,52 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from fractions import Fraction
 from math import atan2
 from typing import Any
 
-from irsbot_kinematics.algebra.engine import AlgebraError, flint
-from irsbot_kinematics.algebra.exact import pair_of_tangent, square_root
+from irsbot_kinematics.algebra.cusp_records import BITS, Cusp, Cusps, ball_roots, ball_value, constant, tangent_pair
+from irsbot_kinematics.algebra.cusps_numeric import numeric_cusps
+from irsbot_kinematics.algebra.cusps_serial import serial_cusps
 from irsbot_kinematics.algebra.manipulators.planar import PlanarLegs
 from irsbot_kinematics.algebra.manipulators.serial import Orthogonal3R
-from irsbot_kinematics.algebra.polynomial import context, primitive, rational, univariate
-from irsbot_kinematics.algebra.roots import real_balls, squarefree_part
+from irsbot_kinematics.algebra.model.engine import AlgebraError, flint
+from irsbot_kinematics.algebra.model.exact import pair_of_tangent, square_root
+from irsbot_kinematics.algebra.model.polynomial import context, primitive, rational, univariate
+from irsbot_kinematics.algebra.model.roots import real_balls, squarefree_part
+from irsbot_kinematics.algebra.model.system import System
 from irsbot_kinematics.algebra.singular import complete, one_of, slice_values
 from irsbot_kinematics.algebra.store import stored_result
-from irsbot_kinematics.algebra.system import System
-
-BITS = 200
-"""bit: precision of the enclosures of cusps."""
+from irsbot_kinematics.arguments import checked
 
 TURN = Fraction(3, 11)
 """1: half tangent of the turn of the axes from which angles count, so that none is pi."""
 
 
-@dataclass(frozen=True)
-class Cusp:
-    """One real cusp. radius: error of a value before it became a float; infinite where the cusp is numeric only."""
-
-    pose: dict[str, float]
-    joints: dict[str, float]
-    radius: float
-
-
-class Cusps(list[Cusp]):
-    """Real cusps. status: 'certified' (all of them, enclosed) or 'numeric' (found from many starts, none proved).
-
-    complex_count: cusps over the complex numbers, where known.
-    """
-
-    def __init__(self, found: list[Cusp], status: str, complex_count: int | None) -> None:
-        super().__init__(found)
-        self.status = status
-        self.complex_count = complex_count
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return Cusps, (list(self), self.status, self.complex_count)
-
-
+@checked
 def cusps(system: System, fixed: Mapping[str, Any] | None = None, space: str = "joint", *, cache: bool = True) -> Cusps:
     """Cusps of a slice with two free parameters.
 
@@ -61,8 +38,6 @@ def cusps(system: System, fixed: Mapping[str, Any] | None = None, space: str = "
     if isinstance(system.structure, Orthogonal3R) and space == "pose":
         if fixed not in (None, {}, {"y": 0}):
             raise AlgebraError("serial_3r turns about z: its cusps are circles, given at y = 0; leave fixed out")
-        from irsbot_kinematics.algebra.cusps_serial import serial_cusps
-
         return stored_result(system, ("cusps", space), Cusps, lambda: serial_cusps(system), cache)
     known = slice_values(system, names, fixed)
     free = [name for name in names if name not in (fixed or {})]
@@ -71,8 +46,6 @@ def cusps(system: System, fixed: Mapping[str, Any] | None = None, space: str = "
     key = ("cusps", space, sorted(known.items()))
     if _is_plane_map(system, free) and space == "joint":
         return stored_result(system, key, Cusps, lambda: _plane_map(system, free, known), cache)
-    from irsbot_kinematics.algebra.cusps_numeric import numeric_cusps
-
     return stored_result(system, key, Cusps, lambda: numeric_cusps(system, space, free, known), cache)
 
 
@@ -140,13 +113,6 @@ def _plane_map(system: System, free: list[str], known: Mapping[str, Fraction]) -
     return Cusps(found, "certified", int(bare.degree()))
 
 
-def constant(system: System, text: str, known: Mapping[str, Fraction]) -> Fraction:
-    from irsbot_kinematics.algebra.polynomial import fraction
-
-    poly = system.evaluated(system.expression(text), known)
-    return fraction(poly.leading_coefficient()) if poly != 0 else Fraction(0)
-
-
 def _half_tangents(poly: Any) -> Any:
     """In Z[a, t], a = tan(alpha'/2), t = tan(phi'/2)."""
     ring = context(("a", "t"))
@@ -185,32 +151,11 @@ def _common_roots(forms: list[Any], t: Any) -> list[Any]:
     return found
 
 
-def ball_roots(row: list[Any]) -> list[Any]:
-    """Complex roots of a polynomial whose coefficients are balls, as fine as these allow."""
-    return list(flint.acb_poly(row).roots(tol=flint.arb(2) ** (-BITS // 2), maxprec=4 * BITS))
-
-
 def _in_a(poly: Any, t: Any) -> list[Any]:
     row = [flint.arb(0)] * (int(poly.degrees()[0]) + 1)
     for (i, k), coefficient in zip(poly.monoms(), poly.coeffs(), strict=True):
         row[int(i)] = row[int(i)] + flint.arb(coefficient) * t ** int(k)
     return row
-
-
-def tangent_pair(t: Any) -> tuple[Any, Any]:
-    return (1 - t * t) / (1 + t * t), 2 * t / (1 + t * t)
-
-
-def ball_value(poly: Any, point: Mapping[str, Any]) -> Any:
-    names = poly.context().names()
-    total = flint.arb(0)
-    for powers, coefficient in zip(poly.monoms(), poly.coeffs(), strict=True):
-        term = flint.arb(coefficient)
-        for name, power in zip(names, powers, strict=True):
-            if power:
-                term = term * point[name] ** int(power)
-        total = total + term
-    return total
 
 
 def _planar_cusp(

@@ -1,4 +1,4 @@
-"""Cusps of any slice by Newton's method from many starts. Numeric: what is found is one, none is promised."""
+"""Cusps of any slice by Newton's method from many starts. Numeric: every result is a cusp, but some may be missing."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from irsbot_kinematics.algebra.cusps import Cusp, Cusps
+from irsbot_kinematics.algebra.cusp_records import Cusp, Cusps
 from irsbot_kinematics.algebra.determinants import jacobian
-from irsbot_kinematics.algebra.parse import cosine_of, sine_of
-from irsbot_kinematics.algebra.polynomial import fraction
+from irsbot_kinematics.algebra.model.parse import cosine_of, sine_of
+from irsbot_kinematics.algebra.model.polynomial import fraction
+from irsbot_kinematics.algebra.model.system import System
 from irsbot_kinematics.algebra.sampling import Numeric
-from irsbot_kinematics.algebra.system import System
 
 STARTS = 600
 """1: random starts."""

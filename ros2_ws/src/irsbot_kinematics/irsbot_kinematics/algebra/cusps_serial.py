@@ -5,19 +5,11 @@ from __future__ import annotations
 from math import atan2, sqrt
 from typing import Any
 
-from irsbot_kinematics.algebra.cusps import (
-    BITS,
-    Cusp,
-    Cusps,
-    ball_roots,
-    ball_value,
-    constant,
-    tangent_pair,
-)
-from irsbot_kinematics.algebra.engine import flint
-from irsbot_kinematics.algebra.polynomial import context, primitive, rational, univariate
-from irsbot_kinematics.algebra.roots import real_balls, squarefree_part
-from irsbot_kinematics.algebra.system import System
+from irsbot_kinematics.algebra.cusp_records import BITS, Cusp, Cusps, ball_roots, ball_value, constant, tangent_pair
+from irsbot_kinematics.algebra.model.engine import flint
+from irsbot_kinematics.algebra.model.polynomial import context, primitive, rational, univariate
+from irsbot_kinematics.algebra.model.roots import real_balls, squarefree_part
+from irsbot_kinematics.algebra.model.system import System
 
 
 def serial_cusps(system: System) -> Cusps:

@@ -11,9 +11,8 @@ from irsbot_kinematics.algebra import solving
 from irsbot_kinematics.algebra.cells import Cell, Cells
 from irsbot_kinematics.algebra.charts import Axis, axis
 from irsbot_kinematics.algebra.elimination import eliminate
-from irsbot_kinematics.algebra.engine import AlgebraError
-from irsbot_kinematics.algebra.plane import Plane, Said
-from irsbot_kinematics.algebra.polynomial import (
+from irsbot_kinematics.algebra.model.engine import AlgebraError
+from irsbot_kinematics.algebra.model.polynomial import (
     context,
     irreducible,
     is_even,
@@ -23,17 +22,23 @@ from irsbot_kinematics.algebra.polynomial import (
     ring_of,
     univariate,
 )
-from irsbot_kinematics.algebra.roots import isolate, squarefree_part
+from irsbot_kinematics.algebra.model.roots import isolate, squarefree_part
+from irsbot_kinematics.algebra.model.system import System
+from irsbot_kinematics.algebra.plane import Plane, Said
 from irsbot_kinematics.algebra.singular import complete, linked, one_of, project, slice_values
 from irsbot_kinematics.algebra.sizes import refuse_large_walls
 from irsbot_kinematics.algebra.store import Progress, stored_result
-from irsbot_kinematics.algebra.system import System
 from irsbot_kinematics.algebra.tangents import with_tangents, without_circles
+from irsbot_kinematics.arguments import checked, count, shown
+
+MOST_DIGITS = 100
+"""1: largest number of digits after the point."""
 
 CELL_DIGITS = 6
-"""1: digits after the point to which lengths are rounded for a decomposition; long rationals cost hours."""
+"""1: digits after the point to which lengths are rounded for a decomposition; long rationals take hours."""
 
 
+@checked
 def decompose(
     system: System,
     names: Sequence[str],
@@ -62,10 +67,10 @@ def decompose(
     if left:
         raise AlgebraError(f"{', '.join(left)}: give a value in fixed, only {names[0]} and {names[1]} vary")
     if len(box) != 2:
-        raise AlgebraError(f"the box must be two pairs, ((low, high), (low, high)), got {box!r}")
+        raise AlgebraError(f"the box must be two pairs, ((low, high), (low, high)), got {shown(box)}")
     for name, ends in zip(names, box, strict=True):
         axis(name, ends, name in system.angles, False)
-    rounded = rounded_parameters(system, digits)
+    rounded = rounded_parameters(system, None if digits is None else count(digits, "digits", 0, MOST_DIGITS))
     if rounded:
         system = replace(system, parameters={**system.parameters, **rounded}, check=False)
     key = ("decompose", tuple(names), [[str(end) for end in ends] for ends in box], sorted(known.items()))
@@ -79,7 +84,7 @@ def decompose(
 
 
 def rounded_parameters(system: System, digits: int | None) -> dict[str, Fraction]:
-    """Lengths with more digits after the point than that, rounded."""
+    """Lengths with more digits after the point, rounded to this number."""
     if digits is None:
         return {}
     scale = 10**digits
@@ -95,7 +100,7 @@ def walls(
 ) -> list[tuple[Any, str]]:
     """Discriminant variety of a slice: irreducible polynomials of Z[names], angles as t_name, and their kinds.
 
-    'singular': projected singularities; 'limit': where an inequality becomes an equation.
+    'singular': projected singularities; 'limit': boundaries of the inequalities.
     """
     keep = [f"t_{name}" if name in system.angles else name for name in names]
     kind = "parallel" if space == "joint" else "serial"
@@ -153,8 +158,8 @@ def _decomposed(
     allow_large: bool,
 ) -> Cells:
     one_of(space, ("joint", "pose"), "space")
-    said: Said = progress or (lambda _what, _done, _total: None)
-    said("walls", 0, 1)
+    stated: Said = progress or (lambda _what, _done, _total: None)
+    stated("walls", 0, 1)
     found = walls(system, space, names, fixed, known)
     if not allow_large:
         refuse_large_walls([wall for wall, _ in found])
@@ -168,7 +173,7 @@ def _decomposed(
             found = [(renamed(wall, name, name, 2), kind) for wall, kind in found]
         axes.append(chart)
     split = {str(part): (part, kind) for wall, kind in found for part, _ in irreducible(wall)}
-    plane = Plane([wall for wall, _ in split.values()], axes[0], axes[1], said)
+    plane = Plane([wall for wall, _ in split.values()], axes[0], axes[1], stated)
     unknown = (*(system.pose if space == "joint" else system.joints), *system.passive)
     cells: list[Cell] = []
     total = sum(plane.rows(k) for k in range(len(plane.columns)))
@@ -179,6 +184,6 @@ def _decomposed(
             number = solving.count(system, values, unknown)
             users = tuple(a.exact_user(p) for a, p in zip(axes, point, strict=True))
             cells.append(Cell(len(cells), column, row, (users[0], users[1]), point, number))
-            said("numbers of solutions", len(cells), total)
+            stated("numbers of solutions", len(cells), total)
     kinds = [kind for _, kind in split.values()]
-    return Cells.built(system.name, space, plane, kinds, cells, {n: str(v) for n, v in fixed.items()}, rounded, said)
+    return Cells.built(system.name, space, plane, kinds, cells, {n: str(v) for n, v in fixed.items()}, rounded, stated)

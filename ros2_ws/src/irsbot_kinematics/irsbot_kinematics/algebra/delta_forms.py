@@ -7,7 +7,7 @@ from itertools import product as choices
 from typing import Any
 
 from irsbot_kinematics.algebra.manipulators.delta import DeltaRails
-from irsbot_kinematics.algebra.polynomial import context, primitive, rational
+from irsbot_kinematics.algebra.model.polynomial import context, primitive, rational
 
 Vector = tuple[Any, Any, Any]
 
@@ -80,7 +80,7 @@ def _serial_joint(rails: DeltaRails, ring: Any) -> Any:
         along = _constants(ring, u)
         q = _dot(along, tuple(middle[k] + 2 * square * away[k] for k in range(3)))
         across = _dot(along, normal)
-        if across == 0:  # all rails parallel: the square is one of a polynomial, of which the root is taken
+        if across == 0:  # all rails parallel: the square of a polynomial, whose root is taken
             total = total * _divided(q, _root(square))
         else:
             total = total * _divided(q * q + lack * across * across, square)

@@ -1,4 +1,4 @@
-"""Determinants of matrices of polynomials, by cofactors with memory: the matrices of mechanisms are sparse."""
+"""Determinants of matrices of polynomials, by cofactors with memory, because the matrices of mechanisms are sparse."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 
 def determinant(rows: Sequence[Sequence[Any]]) -> Any:
-    """Determinant of a square matrix of flint polynomials; rows are expanded the sparsest first."""
+    """Determinant of a square matrix of flint polynomials; the sparsest rows are expanded first."""
     n = len(rows)
     order = sorted(range(n), key=lambda i: sum(entry != 0 for entry in rows[i]))
     sign = _parity(order)

@@ -1,7 +1,7 @@
-"""Elimination by a cascade of resultants, with a sieve that removes what the resultants introduce.
+"""Elimination by a cascade of resultants, with a sieve that removes the extra factors of the resultants.
 
-Every intermediate polynomial is factored, and a factor stays only if it vanishes at a sampled (complex) solution of
-the system: factors that stay are exact polynomials, verified on the solution set; the sieve removes all others.
+Every intermediate polynomial is factored, and a factor is kept only if it vanishes at a sampled (complex) solution of
+the system. The factors that are kept are exact polynomials, verified on the solution set.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from irsbot_kinematics.algebra.polynomial import irreducible, primitive, product
+from irsbot_kinematics.algebra.model.polynomial import irreducible, primitive, product
 from irsbot_kinematics.algebra.sampling import Complexes, Numeric, sample_zeros
 
 SAMPLES = 40
-"""1: starts per scale for the sieve; every component of the solution set should be among the solutions found."""
+"""1: starts per scale for the sieve; the solutions found should include every component of the solution set."""
 
 SCALES = (2.0, 0.5, 8.0)
 """Sizes of the random starts, in the units of the equations."""
@@ -47,7 +47,8 @@ def eliminate(polys: Sequence[Any], keep: Sequence[str], drop: Sequence[str], se
 
 
 def _spread(polys: Sequence[Any], names: Sequence[str], samples: Complexes, kept: int) -> Any:
-    """Which samples lie on components that project to a hypersurface of the first `kept` coordinates, not to less."""
+    """Mark the samples on components that project to a hypersurface of the first `kept` coordinates, not to a smaller
+    set."""
     if not len(samples):
         return np.zeros(0, dtype=bool)
     with np.errstate(all="ignore"):
@@ -100,7 +101,7 @@ def _cascade(polys: list[Any], drop: list[str], samples: Complexes, names: Seque
 
 
 def _next(polys: Sequence[Any], drop: Sequence[str]) -> tuple[str, list[Any]]:
-    """The cheapest name to eliminate and the polynomials that hold it."""
+    """The cheapest name to eliminate, and the polynomials that contain it."""
     best: tuple[tuple[int, int, int], str, list[Any]] | None = None
     for name in drop:
         holding = [poly for poly in polys if poly.degrees()[poly.context().variable_to_index(name)] > 0]
@@ -122,7 +123,7 @@ def sieved(poly: Any, samples: Complexes, names: Sequence[str]) -> Any:
 
 
 def _best(factors: Sequence[Any], names: Sequence[str], samples: Complexes) -> list[Any]:
-    """For each sample the factor that vanishes most; those that are this for none are left out."""
+    """The factor that vanishes best for each sample; factors that are not the best for any sample are left out."""
     if not factors:
         return []
     values = np.stack([Numeric(factor, names).relative(samples) for factor in factors])

@@ -1,4 +1,5 @@
-"""What lies between cells and spaces: numbers on walls, joint cells and pose cells paired, images of paths."""
+"""Relations of cells and spaces: numbers of solutions on walls, pairs of joint cells and pose cells, images of
+paths."""
 
 from __future__ import annotations
 
@@ -9,14 +10,15 @@ from fractions import Fraction
 from typing import Any
 
 from irsbot_kinematics.algebra.cells import Cell, Cells
-from irsbot_kinematics.algebra.engine import AlgebraError
-from irsbot_kinematics.algebra.exact import exact
-from irsbot_kinematics.algebra.polynomial import Polynomial
+from irsbot_kinematics.algebra.model.engine import AlgebraError
+from irsbot_kinematics.algebra.model.exact import exact
+from irsbot_kinematics.algebra.model.polynomial import Polynomial
+from irsbot_kinematics.algebra.model.system import System
 from irsbot_kinematics.algebra.solving import Configuration, configurations
-from irsbot_kinematics.algebra.system import System
+from irsbot_kinematics.arguments import checked, count
 
 BISECTIONS = 30
-"""1: halvings of a segment on which the cell changes."""
+"""1: bisections of a segment on which the cell changes."""
 
 
 @dataclass(frozen=True)
@@ -29,11 +31,12 @@ class WallArc:
     count: int
 
 
+@checked
 def wall_counts(cells: Cells) -> list[WallArc]:
     """Numbers of distinct solutions on the arcs of the discriminant variety (DVNumberOfSolutionsPlus of [S4]).
 
-    On a singular arc solutions meet two by two: half the sum of both sides. Where an inequality becomes an equation
-    its solutions do not count: the smaller side. Certified, because arcs avoid the points where walls meet
+    On a singular arc pairs of solutions meet: the number is half the sum of both sides. On a limit, its solutions do
+    not count: the number is that of the smaller side. Certified, because arcs avoid the points where walls meet
     (`wall_vertices`).
     """
     place = {(cell.column, cell.row): cell for cell in cells.cells}
@@ -48,6 +51,7 @@ def wall_counts(cells: Cells) -> list[WallArc]:
     return found
 
 
+@checked
 def pairing(system: System, joint_cells: Cells, pose_cells: Cells) -> dict[int, list[int | None]]:
     """Pose cells in the antecedent of each joint cell (DirectInverseKinematics of [S4]): joint cell -> pose cells.
 
@@ -89,6 +93,7 @@ class ImagePoint:
     """Cell of the point; None on a wall, outside, or without cells."""
 
 
+@checked
 def image_of_path(
     system: System, path: Sequence[Mapping[str, Any]], cells: Cells | None = None, per_segment: int = 10
 ) -> list[ImagePoint]:
@@ -97,6 +102,7 @@ def image_of_path(
     path: corners, each name -> value, all joints or all pose variables; straight between them. cells: where the cell
     changes between two samples, the place is bisected and both sides are added.
     """
+    count(per_segment, "per_segment", 1)
     if len(path) < 2:
         raise AlgebraError("a path needs two points at least")
     corners = [{name: exact(value, name) for name, value in point.items()} for point in path]

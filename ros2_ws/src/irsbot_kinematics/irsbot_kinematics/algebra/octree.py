@@ -1,7 +1,7 @@
-"""Boxes of a 3-D parameter space with certified numbers of solutions: walls are excluded by interval bounds.
+"""Boxes of a 3-D parameter space with certified numbers of solutions: interval bounds exclude walls.
 
-Where no wall passes through a box, the number of solutions is constant in it and that of its centre is the number.
-Boxes that a wall may cross are halved in each direction down to a given depth; the rest stays undecided.
+If no wall passes through a box, the number of solutions is constant in it and equals the number at its centre. Boxes
+that a wall may cross are halved in each direction down to a given depth; the rest stays undecided.
 """
 
 from __future__ import annotations
@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 
 from irsbot_kinematics.algebra import solving
 from irsbot_kinematics.algebra.charts import axis
-from irsbot_kinematics.algebra.engine import AlgebraError, TooLarge
-from irsbot_kinematics.algebra.exact import exact
-from irsbot_kinematics.algebra.polynomial import Polynomial, public
+from irsbot_kinematics.algebra.model.engine import AlgebraError, TooLarge
+from irsbot_kinematics.algebra.model.exact import exact
+from irsbot_kinematics.algebra.model.polynomial import Polynomial, public
+from irsbot_kinematics.algebra.model.system import System
 from irsbot_kinematics.algebra.singular import complete, project
 from irsbot_kinematics.algebra.store import Progress
-from irsbot_kinematics.algebra.system import System
+from irsbot_kinematics.arguments import checked
 
 Floats = NDArray[np.float64]
 
@@ -29,7 +30,7 @@ ROUNDING = 64.0 * np.finfo(float).eps
 """1: share of the sum of the sizes of all terms by which floating point may be off; a few hundred operations each."""
 
 MOST_DEPTH = 7
-"""1: 2^21 boxes; a depth beyond needs allow_large."""
+"""1: 2^21 boxes; a larger depth needs allow_large."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ class Octree:
     walls: tuple[Polynomial, ...]
 
     def volumes(self) -> dict[int, float]:
-        """Number of solutions -> volume that certainly has it: a lower bound."""
+        """Number of solutions -> volume that certainly has this number: a lower bound."""
         size = np.prod(self.boxes[:, :, 1] - self.boxes[:, :, 0], axis=1)
         return {int(n): float(size[self.counts == n].sum()) for n in np.unique(self.counts)}
 
@@ -53,6 +54,7 @@ class Octree:
         return float(np.prod(self.open[:, :, 1] - self.open[:, :, 0], axis=1).sum())
 
 
+@checked
 def octree(
     system: System,
     names: Sequence[str],
@@ -84,14 +86,14 @@ def octree(
     unknown = (*(system.pose if space == "joint" else system.joints), *system.passive)
     boxes = np.array([ends])
     decided: list[Floats] = []
-    said = progress or (lambda _what, _done, _total: None)
+    stated = progress or (lambda _what, _done, _total: None)
     for level in range(depth + 1):
         free = np.ones(len(boxes), dtype=bool)
         for low_high in bounds:
             free &= low_high(boxes)
         decided.append(boxes[free])
         boxes = boxes[~free]
-        said("octree", level + 1, depth + 1)
+        stated("octree", level + 1, depth + 1)
         if level < depth:
             boxes = _halved(boxes)
     whole = np.concatenate(decided)
@@ -102,7 +104,7 @@ def octree(
 def walls_in_space(system: System, space: str, names: Sequence[str]) -> list[Polynomial]:
     """Discriminant variety over three names: projected singularities and limits. Exact."""
     from irsbot_kinematics.algebra.elimination import eliminate
-    from irsbot_kinematics.algebra.polynomial import context, moved, primitive
+    from irsbot_kinematics.algebra.model.polynomial import context, moved, primitive
     from irsbot_kinematics.algebra.singular import linked
 
     found = {str(p): p for p in project(system, "parallel" if space == "joint" else "serial", space)}
@@ -128,7 +130,7 @@ def _halved(boxes: Floats) -> Floats:
 
 
 def _compiled(wall: Polynomial, names: Sequence[str]) -> Callable[[Floats], NDArray[np.bool_]]:
-    """Whether a wall certainly misses each box: Taylor form about the centre, rounding included.
+    """A test of boxes that a wall certainly misses: Taylor form about the centre, rounding included.
 
     |p(c + h) - p(c)| <= sum over terms of the expansion about the centre of |coefficient| radius^power.
     """
@@ -179,7 +181,7 @@ def _powers(centre: Floats, most: NDArray[Any]) -> list[Floats]:
 
 
 def _counted(system: System, names: Sequence[str], unknown: Sequence[str], boxes: Floats) -> NDArray[np.int64]:
-    """Numbers at the centres; boxes that share a face are one component and are counted once."""
+    """Numbers of solutions at the centres; connected boxes that share faces are counted once."""
     centres = boxes.mean(axis=2)
     group = _components(boxes)
     known: dict[int, int] = {}
@@ -194,7 +196,7 @@ def _counted(system: System, names: Sequence[str], unknown: Sequence[str], boxes
 
 
 def _components(boxes: Floats) -> NDArray[np.int64]:
-    """Connected components of boxes that share a piece of a face; the numbers of solutions agree in each."""
+    """Connected components of boxes that share a piece of a face; the number of solutions is the same in each."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 

@@ -12,7 +12,7 @@ from fractions import Fraction
 from typing import Any, NamedTuple
 
 from irsbot_kinematics.algebra.manipulators.planar import PlanarLegs
-from irsbot_kinematics.algebra.polynomial import (
+from irsbot_kinematics.algebra.model.polynomial import (
     context,
     integer_context,
     irreducible,
@@ -21,7 +21,7 @@ from irsbot_kinematics.algebra.polynomial import (
     primitive,
     renamed,
 )
-from irsbot_kinematics.algebra.system import System
+from irsbot_kinematics.algebra.model.system import System
 from irsbot_kinematics.algebra.tangents import without_circles
 
 T = "t_phi"

@@ -10,27 +10,27 @@ from typing import Any
 
 from irsbot_kinematics.algebra.bivariate import Curve, discriminant, resultant
 from irsbot_kinematics.algebra.charts import Axis
-from irsbot_kinematics.algebra.engine import flint
-from irsbot_kinematics.algebra.roots import RealRoot, isolate, merged, squarefree_part
+from irsbot_kinematics.algebra.model.engine import flint
+from irsbot_kinematics.algebra.model.roots import RealRoot, isolate, merged, squarefree_part
 
 NEAR_BITS = 120
 """bit: width of the interval about a critical value in which two columns are compared, relative to the box."""
 
 GAP_BITS = 30
-"""bit: openings between two columns that are narrower, relative to the box, are the ends of walls that meet."""
+"""bit: gaps between two columns that are narrower, relative to the box, are the ends of walls that meet."""
 
 Said = Callable[[str, int, int], None]
-"""Progress: what is done, how much of how much."""
+"""Progress callback: task, done, total."""
 
 
 class Plane:
     """Columns between critical values of the first coordinate, stacks of cells between walls in each."""
 
-    def __init__(self, walls: Sequence[Any], first: Axis, second: Axis, said: Said | None = None) -> None:
+    def __init__(self, walls: Sequence[Any], first: Axis, second: Axis, stated: Said | None = None) -> None:
         """walls: irreducible polynomials of Z[first.gen, second.gen] without common factors."""
         self.first, self.second = first, second
         self.curves = [Curve(wall) for wall in walls]
-        self.said = said or (lambda _what, _done, _total: None)
+        self.stated = stated or (lambda _what, _done, _total: None)
         self.criticals = self._criticals()
         ends = [first.low, *[None] * len(self.criticals), first.high]
         self.columns: list[Fraction] = []
@@ -42,10 +42,10 @@ class Plane:
     def restored(
         cls, walls: Sequence[Any], first: Axis, second: Axis, criticals: list[RealRoot], columns: list[Fraction]
     ) -> Plane:
-        """A plane whose critical values are known already."""
+        """A plane with known critical values."""
         plane = cls.__new__(cls)
         plane.first, plane.second, plane.curves = first, second, [Curve(wall) for wall in walls]
-        plane.said = lambda _what, _done, _total: None
+        plane.stated = lambda _what, _done, _total: None
         plane.criticals, plane.columns, plane.critical_polys = criticals, columns, []
         plane.stacks = [plane.stack(u) for u in columns]
         return plane
@@ -129,7 +129,7 @@ class Plane:
                     add(resultant(curve, other))
                 done += 1
             done += 2
-            self.said("critical values", done, total)
+            self.stated("critical values", done, total)
         self.critical_polys = found
         return merged([[r for r in isolate(poly) if self._inside(r, self.first)] for poly in found])
 
@@ -152,7 +152,7 @@ class Plane:
         found = []
         span_u, span_v = self.first.high - self.first.low, self.second.high - self.second.low
         for k, root in enumerate(self.criticals):
-            self.said("cell graph", k + 1, len(self.criticals))
+            self.stated("cell graph", k + 1, len(self.criticals))
             left, right = self.beside(root, span_u)
             stacks = [self.stack(left), self.stack(right)]
             for stack in stacks:
@@ -184,14 +184,14 @@ class Plane:
         return next(i for i, part in enumerate(shared) if part.degree() > 0)
 
     def beside(self, root: RealRoot, span: Fraction) -> tuple[Fraction, Fraction]:
-        """Rational numbers close to a critical value, below and above it. span: of the first coordinate."""
+        """Rational numbers close to a critical value, below and above it. span: range of the first coordinate."""
         while root.high - root.low > span / 2**NEAR_BITS and not root.exact:
             root.refine(NEAR_BITS)
         wide = span / 2**NEAR_BITS
         return _short(root.low - 2 * wide, root.low - wide), _short(root.high + wide, root.high + 2 * wide)
 
     def _free(self, left: Fraction, right: Fraction, v: Fraction) -> bool:
-        """Whether no wall meets the segment from (left, v) to (right, v): enclosures that exclude 0."""
+        """True if no wall meets the segment from (left, v) to (right, v): enclosures that exclude 0."""
         with flint.ctx.workprec(4 * NEAR_BITS):
             middle = flint.arb(flint.fmpq((left + right).numerator, 2 * (left + right).denominator))
             half = flint.arb(flint.fmpq((right - left).numerator, 2 * (right - left).denominator))

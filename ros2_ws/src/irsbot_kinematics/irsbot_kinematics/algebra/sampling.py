@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from irsbot_kinematics.algebra.polynomial import fraction
+from irsbot_kinematics.algebra.model.polynomial import fraction
 
 Complexes = NDArray[np.complex128]
 

@@ -10,12 +10,11 @@ from typing import Any
 from irsbot_kinematics.algebra.delta_forms import delta_projection
 from irsbot_kinematics.algebra.determinants import determinant, jacobian
 from irsbot_kinematics.algebra.elimination import eliminate
-from irsbot_kinematics.algebra.engine import AlgebraError
 from irsbot_kinematics.algebra.manipulators.delta import DeltaRails
 from irsbot_kinematics.algebra.manipulators.planar import PlanarLegs
-from irsbot_kinematics.algebra.parse import cosine_of, sine_of
-from irsbot_kinematics.algebra.planar_forms import parallel_joint
-from irsbot_kinematics.algebra.polynomial import (
+from irsbot_kinematics.algebra.model.engine import AlgebraError
+from irsbot_kinematics.algebra.model.parse import cosine_of, sine_of
+from irsbot_kinematics.algebra.model.polynomial import (
     Polynomial,
     context,
     irreducible,
@@ -25,10 +24,12 @@ from irsbot_kinematics.algebra.polynomial import (
     public,
     rational,
 )
-from irsbot_kinematics.algebra.system import System
+from irsbot_kinematics.algebra.model.system import System
+from irsbot_kinematics.algebra.planar_forms import parallel_joint
 from irsbot_kinematics.algebra.tangents import with_tangents, without_circles
+from irsbot_kinematics.arguments import checked
 
-KINDS = ("parallel", "serial")
+MARGIN_CAUSES = ("parallel", "serial")
 SPACES = ("joint", "pose")
 
 
@@ -65,14 +66,14 @@ class Projection(list[Polynomial]):
 
 
 def one_of(value: str, known: Sequence[str], what: str) -> str:
-    """The value. Raises AlgebraError unless it is known."""
+    """The value, if it is a known one. Raises AlgebraError otherwise."""
     if value not in known:
         raise AlgebraError(f"{what} must be one of {', '.join(known)}, got '{value}'")
     return value
 
 
 def complete(system: System, what: str) -> None:
-    """Raises AlgebraError where a parameter has no value."""
+    """Raises AlgebraError if a parameter has no value."""
     if not system.assigned:
         lost = [name for name in system.parameters if name not in system.values]
         raise AlgebraError(f"{what} needs values for {', '.join(lost)}: use assign()")
@@ -128,12 +129,13 @@ def _on_circle(poly: Any, cosine: str, sine: str) -> Any:
     return primitive(total)
 
 
+@checked
 def singularities(system: System, kind: str = "parallel") -> list[list[Polynomial]]:
     """Components of the parallel or serial singularities: the equations and one factor of the determinant each. Exact.
 
-    Parameters without a value stay symbols.
+    Parameters without a value are symbols.
     """
-    one_of(kind, KINDS, "kind")
+    one_of(kind, MARGIN_CAUSES, "kind")
     det = determinant_of(system, kind)
     if isinstance(det, int) or det == 0:
         raise AlgebraError(f"{system.name}: every configuration is a {kind} singularity")
@@ -149,6 +151,7 @@ def factors_of_determinant(system: System, kind: str) -> list[Polynomial]:
     return [component[-1] for component in singularities(system, kind)]
 
 
+@checked
 def project(
     system: System, kind: str = "parallel", space: str = "joint", fixed: Mapping[str, Any] | None = None
 ) -> Projection:
@@ -157,7 +160,7 @@ def project(
     Angles among the variables of the space appear as t_a = tan(a/2). The zero set is the closure over the complex
     numbers: a point on it need not be singular for a real configuration within the limits.
     """
-    one_of(kind, KINDS, "kind")
+    one_of(kind, MARGIN_CAUSES, "kind")
     one_of(space, SPACES, "space")
     complete(system, "a projection")
     names = system.joints if space == "joint" else system.pose
@@ -182,14 +185,14 @@ def project(
 
 
 def slice_values(system: System, names: Sequence[str], fixed: Mapping[str, Any] | None) -> dict[str, Fraction]:
-    """Generators that are fixed. Raises AlgebraError for names of another space and where nothing is left."""
-    said = dict(fixed or {})
-    for name in said:
+    """Generators that are fixed. Raises AlgebraError for names of another space, and if no variable is left."""
+    stated = dict(fixed or {})
+    for name in stated:
         if name not in names:
             raise AlgebraError(f"'{name}' cannot be fixed here; the variables are {', '.join(names)}")
-    if len(said) >= len(names):
+    if len(stated) >= len(names):
         raise AlgebraError(f"all of {', '.join(names)} are fixed: nothing is left")
-    return system.point(said)
+    return system.point(stated)
 
 
 def _joint_form(system: System, poly: Any) -> Any:

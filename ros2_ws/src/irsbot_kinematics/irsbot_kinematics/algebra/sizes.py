@@ -1,22 +1,22 @@
-"""How large a computation becomes, said before it starts."""
+"""Refuses computations that would be too large, before they start."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from irsbot_kinematics.algebra.engine import TooLarge
+from irsbot_kinematics.algebra.model.engine import TooLarge
 
 if TYPE_CHECKING:
-    from irsbot_kinematics.algebra.system import System
+    from irsbot_kinematics.algebra.model.system import System
 
 
 MOST_WALL_DEGREE = 40
-"""1: total degree of a wall up to which a slice takes minutes; a wall of degree 30 takes one."""
+"""1: largest total degree of a wall for which a slice takes minutes; a wall of degree 30 takes one."""
 
 
 def refuse_large_walls(walls: Sequence[Any]) -> None:
-    """Raises TooLarge where a wall in two names has so high a degree that its critical values take hours."""
+    """Raises TooLarge if a wall in two names has so high a degree that its critical values take hours."""
     for wall in walls:
         degree = int(wall.total_degree())
         if degree > MOST_WALL_DEGREE:
@@ -28,8 +28,8 @@ def refuse_large_walls(walls: Sequence[Any]) -> None:
 
 
 def refuse_large_discriminant(system: System, free: Sequence[str]) -> None:
-    """Raises TooLarge where the discriminant of the closing polynomial would have more than two free joints, or
-    angles among them."""
+    """Raises TooLarge if the discriminant of the closing polynomial would have more than two free joints, or angles
+    among them."""
     turned = [name for name in free if name in system.angles]
     size = 1
     for name in free:

@@ -8,12 +8,13 @@ from fractions import Fraction
 from math import atan2
 from typing import Any
 
-from irsbot_kinematics.algebra.engine import AlgebraError
-from irsbot_kinematics.algebra.fibre import Fibre
 from irsbot_kinematics.algebra.manipulators.spatial import UprightRods
-from irsbot_kinematics.algebra.parse import cosine_of, sine_of
+from irsbot_kinematics.algebra.model.engine import AlgebraError
+from irsbot_kinematics.algebra.model.fibre import Fibre
+from irsbot_kinematics.algebra.model.parse import cosine_of, sine_of
+from irsbot_kinematics.algebra.model.system import System
 from irsbot_kinematics.algebra.singular import complete
-from irsbot_kinematics.algebra.system import System
+from irsbot_kinematics.arguments import checked
 
 
 @dataclass(frozen=True)
@@ -32,14 +33,15 @@ class Configuration:
         return {**self.pose, **self.joints, **self.passive}
 
 
+@checked
 def configurations(
     system: System, known: Mapping[str, Any], *, constraints: bool = True, order: str | None = None
 ) -> list[Configuration]:
     """All real configurations with given joints, or with given pose (or any values that leave finitely many).
 
     known: name -> exact value; floats are decimals, angles rad or (cos, sin). constraints=False ignores the
-    inequalities. order: name by which they are sorted, else the order of the first unknown. Certified: none is lost,
-    none is invented. Raises AlgebraError where infinitely many are left.
+    inequalities. order: name by which they are sorted, else the order of the first unknown. Certified: the result is
+    complete, and every solution is real. Raises AlgebraError if infinitely many are left.
     """
     complete(system, "configurations")
     fixed = system.point(known)
@@ -63,13 +65,13 @@ def configurations(
 
 
 def fibre_of(system: System, fixed: Mapping[str, Fraction], unknown: Sequence[str]) -> Fibre:
-    """The solutions for the unknown variables, all others fixed."""
+    """The solutions for the unknown variables, with all others fixed."""
     polys = [*system.polys(fixed), *system.circles(unknown)]
     return Fibre([p for p in polys if p != 0], system.gens(unknown))
 
 
 def count(system: System, fixed: Mapping[str, Fraction], unknown: Sequence[str]) -> int:
-    """Number of real solutions that keep the inequalities. Certified."""
+    """Number of real solutions that satisfy the inequalities. Certified."""
     fibre = fibre_of(system, fixed, unknown)
     positive = []
     for poly in system.positive(fixed):

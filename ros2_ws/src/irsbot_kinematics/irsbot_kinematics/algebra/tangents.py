@@ -1,12 +1,12 @@
-"""Angles as t = tan(angle/2) where a polynomial in one unknown per angle is wanted; angle pi lies at infinity."""
+"""Angles as t = tan(angle/2), for polynomials in one unknown per angle; angle pi lies at infinity."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from typing import Any
 
-from irsbot_kinematics.algebra.parse import cosine_of, sine_of
-from irsbot_kinematics.algebra.polynomial import context, primitive
+from irsbot_kinematics.algebra.model.parse import cosine_of, sine_of
+from irsbot_kinematics.algebra.model.polynomial import context, primitive
 
 
 def tangent_of(angle: str) -> str:
@@ -42,8 +42,8 @@ def with_tangents(poly: Any, angles: Sequence[str]) -> Any:
     total = ring.constant(0)
     for key, terms in groups.items():
         part = ring.from_dict(terms)
-        for (a, b), (_, _, most, (cosines, sines, ones)) in zip(key, places, strict=True):
-            part = part * cosines[a] * sines[b] * ones[most - a - b]
+        for (a, b), (_, _, most, (cosines, normalised_levers, ones)) in zip(key, places, strict=True):
+            part = part * cosines[a] * normalised_levers[b] * ones[most - a - b]
         total = total + part
     return primitive(total)
 

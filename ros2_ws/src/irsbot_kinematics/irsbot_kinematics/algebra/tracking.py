@@ -1,4 +1,4 @@
-"""One branch of the direct kinematics followed along joint motions, with a proof for every step (Krawczyk, 1969)."""
+"""Follows one branch of the direct kinematics along joint motions, with a proof for every step (Krawczyk, 1969)."""
 
 from __future__ import annotations
 
@@ -12,40 +12,40 @@ import numpy as np
 from numpy.typing import NDArray
 
 from irsbot_kinematics.algebra.determinants import jacobian
-from irsbot_kinematics.algebra.engine import AlgebraError, flint
-from irsbot_kinematics.algebra.parse import cosine_of, sine_of
-from irsbot_kinematics.algebra.system import System
+from irsbot_kinematics.algebra.model.engine import AlgebraError, flint
+from irsbot_kinematics.algebra.model.parse import cosine_of, sine_of
+from irsbot_kinematics.algebra.model.system import System
 
 Floats = NDArray[np.float64]
 
 WIDER = 1.5
-"""1: a box is tried that is so much wider than the solution moves, to first order."""
+"""1: width of a tried box, as a multiple of the first-order motion of the solution."""
 
 INFLATIONS = 4
-"""1: boxes that are tried before a step is halved."""
+"""1: number of boxes that are tried before a step is halved."""
 
 SMALLEST = 2.0**-30
 """1: shares of a segment below which the branch counts as lost."""
 
 FLOOR = 1e-12
-"""1: least relative radius of a box; below it rounding decides."""
+"""1: least relative radius of a box; below it rounding errors dominate."""
 
 
 @dataclass(frozen=True)
 class Followed:
-    """End of a followed path. lost_at: index of the path point from which no step could be proved, or None."""
+    """Result of following a path. lost_at: index of the path point from which no step could be proved, or None."""
 
     poses: list[dict[str, float]]
     """At every path point."""
     dets: list[float]
-    """det dF/d(X, P) over 2 per angle, at every path point; it keeps its sign where lost_at is None. Numeric."""
+    """det dF/d(X, P) over 2 per angle, at every path point; its sign is constant if lost_at is None. Numeric."""
     steps: int
     """Proved steps."""
     lost_at: int | None
 
 
 class Tracker:
-    """Follows solutions of a system; unknown are pose and passive variables."""
+    """Follows solutions of a system; the unknowns are pose and passive variables."""
 
     def __init__(self, system: System) -> None:
         self.system = system
@@ -89,7 +89,7 @@ class Tracker:
     # --- one step --------------------------------------------------------------------------------------------------
 
     def _step(self, U: Floats, qa: Floats, qb: Floats, inside: list[Any] | None) -> tuple[Floats, list[Any]] | None:
-        """Proof that one solution, regular throughout, joins U at qa to the returned one at qb; None without proof.
+        """Proof that one regular solution connects U at qa to the returned one at qb; None without proof.
 
         inside: the box of the step before; the enclosure of its solution at qa has to lie in the new box.
         """
@@ -124,7 +124,7 @@ class Tracker:
         return ahead, box
 
     def _encloses(self, box: Sequence[Any], U: Floats, q: Floats) -> bool:
-        """Whether a tight box about U holds a solution at q and lies in `box`."""
+        """True if a tight box about U contains a solution at q and lies in `box`."""
         n, size = len(U), 1e-9 * (1.0 + np.abs(U).max())
         small = [flint.arb(c, size) for c in U]
         if not all(outer.contains(inner) for outer, inner in zip(box, small, strict=True)):
@@ -137,7 +137,7 @@ class Tracker:
         return self._contracts(inverse, self._shift(inverse, U, joints), small, np.full(n, size), joints)
 
     def _shift(self, inverse: Floats, centre: Floats, joints: Sequence[Any]) -> list[Any]:
-        """-Y F(centre, joints): how far the solution may be from the centre, to first order."""
+        """-Y F(centre, joints): distance of the solution from the centre, to first order."""
         exact = [flint.arb(c) for c in centre]
         residual = [_value(terms, (*exact, *joints)) for terms in self._values]
         return [-sum((flint.arb(y) * r for y, r in zip(row, residual, strict=True)), flint.arb(0)) for row in inverse]
@@ -145,7 +145,7 @@ class Tracker:
     def _contracts(
         self, inverse: Floats, shift: Sequence[Any], box: Sequence[Any], radius: Floats, joints: Sequence[Any]
     ) -> bool:
-        """Krawczyk's test: for all the joints exactly one solution lies in the box, and dF/dU is regular in it."""
+        """Krawczyk's test: for all these joints exactly one solution lies in the box, and dF/dU is regular in it."""
         return bool((self._image(inverse, shift, box, radius, joints) < radius).all())
 
     def _image(

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from irsbot_kinematics.algebra.engine import AlgebraError, flint
-from irsbot_kinematics.algebra.exact import pair_of_tangent
 from irsbot_kinematics.algebra.manipulators.spatial import UprightRods
-from irsbot_kinematics.algebra.polynomial import context, primitive, rational, univariate
-from irsbot_kinematics.algebra.roots import real_balls, squarefree_part
-from irsbot_kinematics.algebra.system import System
+from irsbot_kinematics.algebra.model.engine import AlgebraError, flint
+from irsbot_kinematics.algebra.model.exact import pair_of_tangent
+from irsbot_kinematics.algebra.model.polynomial import context, primitive, rational, univariate
+from irsbot_kinematics.algebra.model.roots import real_balls, squarefree_part
+from irsbot_kinematics.algebra.model.system import System
 
 BITS = 400
 """bit: precision of the enclosures."""

@@ -9,17 +9,18 @@ from typing import Any
 
 from irsbot_kinematics.algebra.bivariate import discriminant
 from irsbot_kinematics.algebra.cells import Cells
+from irsbot_kinematics.algebra.model.roots import RealRoot
 from irsbot_kinematics.algebra.plane import Plane
-from irsbot_kinematics.algebra.roots import RealRoot
+from irsbot_kinematics.arguments import checked
 
 TOGETHER = 2.0**-30
-"""1: walls closer than this, over the height of the box, beside a critical value meet there: the columns that are
-compared are 2^-119 of the width apart, and the distance of walls that meet is about its square root at most."""
+"""1: walls closer than this beside a critical value, over the height of the box, meet there: the columns that are
+compared are 2^-119 of the width apart, and the distance of walls that meet is at most about its square root."""
 
 
 @dataclass(frozen=True)
 class WallVertex:
-    """A point where pieces of walls meet, or where one is vertical."""
+    """A point where pieces of walls meet, or where a wall is vertical."""
 
     kind: str
     """'cusp', 'crossing', 'touch' (of two walls), 'tangent' (vertical: an ordinary point of the wall), 'unknown'."""
@@ -28,11 +29,12 @@ class WallVertex:
     walls: tuple[int, ...]
     """Indices into `Cells.walls`."""
     cells: tuple[int, ...]
-    """Those that it touches."""
+    """Cells that touch the vertex."""
     count: int | None
-    """Distinct real solutions that keep the inequalities; None where it does not follow from the cells around."""
+    """Distinct real solutions that satisfy the inequalities; None if the cells around do not determine the number."""
 
 
+@checked
 def wall_vertices(cells: Cells) -> list[WallVertex]:
     """Numbers of distinct solutions at the vertices of the walls (DVNumberOfSolutionsPlus of [S4]).
 
@@ -54,7 +56,7 @@ def wall_vertices(cells: Cells) -> list[WallVertex]:
         for group in _groups(near, float(span_v) * TOGETHER):
             rows = [[row for _, side, row in group if side == which] for which in (0, 1)]
             if len(group) == 1 or len(rows[0]) == len(rows[1]) == 1:
-                continue  # a wall that leaves the box, or goes on
+                continue  # a wall that leaves the box, or continues
             walls = [[plane.wall_of(sides[s][0], sides[s][1][row]) for row in rows[s]] for s in (0, 1)]
             height = sum(entry[0] for entry in group) / len(group)
             met.append((rows, walls, height))
@@ -75,7 +77,7 @@ def wall_vertices(cells: Cells) -> list[WallVertex]:
 
 
 def _number(kind: str, folds: Sequence[bool], numbers: Sequence[Sequence[int]]) -> int | None:
-    """folds: of the walls on the left (or the only) side, the lower one first, whether they are folds."""
+    """folds: of the walls on the left (or the only) side, the lower one first: True if they are folds."""
     low, high = min(map(min, numbers)), max(map(max, numbers))
     if kind == "tangent":
         return _half(low + high, 2) if folds[0] else low
@@ -115,7 +117,7 @@ class _Powers:
 
 
 def _is_root(part: Any, root: RealRoot) -> bool:
-    """Whether a root is one of a squarefree polynomial, too. Exact."""
+    """True if a root is also one of a squarefree polynomial. Exact."""
     shared = part.gcd(root.poly)
     if shared.degree() < 1:
         return False
@@ -130,7 +132,7 @@ def _sign(poly: Any, at: Fraction) -> int:
 
 
 def _kind(walls: Sequence[Sequence[int]], root: RealRoot, alike: int, powers: _Powers) -> str:
-    """What a vertex is. alike: vertices of the same walls over the critical value, which share its multiplicity."""
+    """Kind of a vertex. alike: vertices of the same walls over the critical value, which share its multiplicity."""
     before, after = walls
     if sorted((len(before), len(after))) == [0, 2]:
         i, j = before or after

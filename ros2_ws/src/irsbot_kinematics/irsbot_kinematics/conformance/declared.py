@@ -1,4 +1,4 @@
-"""Laws of what a mechanism declares for the bounds of its base class, each tried by itself at every posture."""
+"""Laws of the numbers that a mechanism declares for the bounds of its base class, each tried at every posture."""
 
 from __future__ import annotations
 
@@ -8,31 +8,31 @@ from math import acos, dist, hypot, inf
 
 import numpy as np
 
-from irsbot_kinematics.arithmetic import FLOATS, Array
 from irsbot_kinematics.conformance.samples import Case, Machine, numbers, place
 from irsbot_kinematics.mechanism import Floats, Posture
 from irsbot_kinematics.mechanisms.turning_platform import TurningPlatform
+from irsbot_kinematics.numerics.arithmetic import FLOATS, Array
 
 NOTHING = Case(0.0, "nothing is declared")
-"""Of mechanisms that state their bounds themselves."""
+"""Result for mechanisms that compute their own bounds."""
 SHARES = (1e-3, 0.3, 0.999)
-"""How far a platform moves, as shares of what the rate is declared for."""
+"""Displacements of the platform, as shares of the range for which the rate is declared."""
 WAYS = 4
-"""Directions per posture."""
+"""Number of directions per posture."""
 
 
 def sizes_declared(machine: Machine) -> Iterator[Case]:
-    """No holding point of a turning platform is farther from P than `radius`, no two are farther apart than `span`."""
+    """No attachment of a turning platform is farther from P than `radius`, no two are farther apart than `diameter`."""
     mechanism = machine.mechanism
     if not isinstance(mechanism, TurningPlatform):
         yield NOTHING
         return
     for at in machine.postures:
-        far = max([hypot(*arm) for arm in at.arms])
-        apart = max([dist(a, b) for a, b in combinations(at.arms, 2)])
-        for name, size, declared in (("radius", far, mechanism.radius), ("span", apart, mechanism.span)):
-            said = f"{place(at)}: {name} is {declared:.6g} m, the arms ask for {size:.6g} m"
-            yield Case((size - declared) / mechanism.length_m, said)
+        far = max([hypot(*arm) for arm in at.attachments])
+        apart = max([dist(a, b) for a, b in combinations(at.attachments, 2)])
+        for name, size, declared in (("radius", far, mechanism.radius), ("span", apart, mechanism.diameter)):
+            stated = f"{place(at)}: {name} is {declared:.6g} m, the arms ask for {size:.6g} m"
+            yield Case((size - declared) / mechanism.length_m, stated)
 
 
 def turn_rate_declared(machine: Machine) -> Iterator[Case]:
@@ -54,18 +54,18 @@ def turn_rate_declared(machine: Machine) -> Iterator[Case]:
 
 
 def _turned(machine: Machine, at: Posture, way: Array, ball: float, rate: float) -> Case:
-    """How far the rods turn when the platform goes a way: no rod end moves farther than |d| + radius |turn|."""
+    """Largest turn of the rods for a motion of the platform: no rod end moves farther than |d| + radius |turn|."""
     mechanism = machine.mechanism
     assert isinstance(mechanism, TurningPlatform)
     moved = hypot(*way[:-1]) + mechanism.radius * abs(way[-1])
     pose = tuple((np.array(at.pose) + way).tolist())
-    said = f"{place(at)}, rate {rate:.6g} rad/m up to {ball:.6g} m: at pose {numbers(pose)}"
+    stated = f"{place(at)}, rate {rate:.6g} rad/m up to {ball:.6g} m: at pose {numbers(pose)}"
     joints, reach = mechanism.inverse(FLOATS, pose, at.working_mode)
     if not min(reach) > 0.0:
-        return Case(inf, f"{said} the reach is {min(reach):.6g} m")
+        return Case(inf, f"{stated} the reach is {min(reach):.6g} m")
     legs = mechanism.legs(FLOATS, joints, pose)
     turns = [_angle(a, b) for a, b in zip(at.screws, legs.screws, strict=True)]
-    return Case(max(turns) / moved / rate - 1.0, f"{said} rods have turned by {numbers(turns)} rad in {moved:.6g} m")
+    return Case(max(turns) / moved / rate - 1.0, f"{stated} rods have turned by {numbers(turns)} rad in {moved:.6g} m")
 
 
 def _angle(a: Floats, b: Floats) -> float:

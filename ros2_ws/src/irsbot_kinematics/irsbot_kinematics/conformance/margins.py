@@ -1,4 +1,4 @@
-"""Laws of margins and statuses: their range, what is not known, one sample and many, what is promised over boxes."""
+"""Laws of margins and statuses: their range, unknown values, one sample and many, certified bounds over boxes."""
 
 from __future__ import annotations
 
@@ -7,20 +7,21 @@ from math import inf, isfinite, nan, sqrt
 
 import numpy as np
 
-from irsbot_kinematics.arithmetic import FLOATS, Array
+from irsbot_kinematics.batch import evaluate_many
 from irsbot_kinematics.conformance.samples import Case, Machine, apart, numbers, place
 from irsbot_kinematics.errors import Unreachable
-from irsbot_kinematics.mechanism import Guarantee, Mechanism, Posture, Status
-from irsbot_kinematics.tolerances import COINCIDENT_TOL_M
+from irsbot_kinematics.mechanism import CertifiedBounds, Mechanism, Posture, Status
+from irsbot_kinematics.numerics.arithmetic import FLOATS, Array
+from irsbot_kinematics.numerics.tolerances import COINCIDENT_TOL_M
 
 IN_BOX = 16
 """Random joint positions in each box, half of their coordinates at its faces."""
 SEARCHED, STARTS, STEPS = 12, 2, (2.0, 1.0, 0.5)
-"""Postures whose bounds are attacked by local search, from so many corners, by steps of these shares of the travel."""
+"""Postures whose bounds a local search attacks: number, number of corners, and steps as shares of the travel."""
 HALVINGS = 12
 """Of the width of the boxes that are searched."""
 SMALL = 1e-9
-"""1: share of the joint range of a box over which a guarantee must be almost the margins."""
+"""1: share of the joint range of a box over which a certified bound must be almost the margins."""
 
 
 def in_range(machine: Machine) -> Iterator[Case]:
@@ -36,7 +37,7 @@ def _margins(at: Posture) -> tuple[float, ...]:
     return (*at.type1, at.type2, *constraint, *at.limb)
 
 
-def _floors(bound: Guarantee) -> tuple[float, ...]:
+def _floors(bound: CertifiedBounds) -> tuple[float, ...]:
     constraint = (bound.constraint,) if isfinite(bound.constraint) else ()
     return (*bound.type1, bound.type2, *constraint, *bound.limb)
 
@@ -56,17 +57,17 @@ def posture_is_legs(machine: Machine) -> Iterator[Case]:
     """A posture carries what `legs` says at its joints and pose, also where `posture` is written for speed."""
     for at in machine.postures:
         legs = machine.mechanism.legs(FLOATS, at.joints, at.pose)
-        for name in ("screws", "levers", "sines", "reach", "limb", "arms"):
-            said, by_legs = np.array(getattr(at, name)).ravel(), np.array(getattr(legs, name)).ravel()
-            away = float(np.abs(said - by_legs).max(initial=0.0)) if said.shape == by_legs.shape else inf
-            yield Case(away, f"{place(at)}: {name} {numbers(said)}, by legs {numbers(by_legs)}")
+        for name in ("screws", "levers", "normalised_levers", "reach", "limb", "attachments"):
+            stated, by_legs = np.array(getattr(at, name)).ravel(), np.array(getattr(legs, name)).ravel()
+            away = float(np.abs(stated - by_legs).max(initial=0.0)) if stated.shape == by_legs.shape else inf
+            yield Case(away, f"{place(at)}: {name} {numbers(stated)}, by legs {numbers(by_legs)}")
 
 
 def sines_are_levers(machine: Machine) -> Iterator[Case]:
     """Type 1 sine is the lever over its largest size: their ratio is one number per leg, with sign +."""
     ratios: list[list[float]] = [[] for _ in machine.mechanism.joints]
     for at in machine.regular:
-        for leg, (sine, lever) in enumerate(zip(at.sines, at.levers, strict=True)):
+        for leg, (sine, lever) in enumerate(zip(at.normalised_levers, at.levers, strict=True)):
             ratios[leg].append(lever / sine)
             usual = float(np.median(ratios[leg]))
             error = abs(ratios[leg][-1] / usual - 1.0) if usual > 0.0 else inf
@@ -91,7 +92,7 @@ def unknown_is_unknown(machine: Machine) -> Iterator[Case]:
             if bad < 0.0:
                 continue
             far = [bad if k == joint else 0.0 for k in range(len(good.joints))]
-            bounds = [mechanism.guarantee(good, far), mechanism.guarantee_sharp(good, far)]
+            bounds = [mechanism.certified_bounds(good, far), mechanism.sharp_bounds(good, far)]
             for floors in map(_floors, bounds):
                 promised = max([value if value == value else 1.0 for value in floors])
                 yield Case(promised, f"{place(good)}, travel {numbers(far)}: promises {numbers(floors)}")
@@ -114,14 +115,14 @@ def refusals(machine: Machine) -> Iterator[Case]:
         known = [value for value in (*at.pose, *at.type1, at.type2) if value == value]
         if at.status != Status.INVALID and min(at.gaps) > COINCIDENT_TOL_M:
             known.append(min(at.gaps))
-        said = f"joints {numbers(q)}, mode {label:+d}: {Status(at.status).name}, yet {numbers(tuple(known))}"
-        yield Case(1.0 if known else 0.0, said)
+        stated = f"joints {numbers(q)}, mode {label:+d}: {Status(at.status).name}, yet {numbers(tuple(known))}"
+        yield Case(1.0 if known else 0.0, stated)
 
 
 def many_are_single(machine: Machine) -> Iterator[Case]:
     """evaluate_many and inverse_many say what the single calls say."""
     robot, mechanism = machine.robot, machine.mechanism
-    found = {label: robot.evaluate_many(machine.joints, label) for label in mechanism.assembly_modes}
+    found = {label: evaluate_many(mechanism, machine.joints, label) for label in mechanism.assembly_modes}
     for k, (q, label, at) in enumerate(machine.asked):
         many, i = found[label], k // len(mechanism.assembly_modes)
         where = f"joints {numbers(q)}, mode {label:+d}"
@@ -134,7 +135,7 @@ def many_are_single(machine: Machine) -> Iterator[Case]:
             )
             away = max(apart(mechanism.task, tuple(many.pose[i]), at.pose), _away(one, all_))
             yield Case(away * at.type2, f"{where}: one says {numbers(one)}, many say {numbers(all_)}")
-    blank = robot.evaluate_many(np.full((1, len(mechanism.joints)), nan))
+    blank = evaluate_many(mechanism, np.full((1, len(mechanism.joints)), nan), mechanism.usual_assembly_mode)
     left = blank.status[0] == Status.INVALID and np.isnan([*blank.pose[0], blank.type2_margin[0]]).all()
     yield Case(
         0.0 if left else inf, f"NaN joints among many: {Status(blank.status[0]).name}, pose {numbers(blank.pose[0])}"
@@ -155,35 +156,38 @@ def _away(a: tuple[float, ...], b: tuple[float, ...]) -> float:
 
 
 def promises_kept(machine: Machine) -> Iterator[Case]:
-    """No margin met in a box of joints is below what `guarantee` promises, and the branch goes on in the box."""
-    yield from _boxes(machine, machine.mechanism.guarantee)
+    """No margin met in a box of joints is below what `certified_bounds` promises, and the branch goes on in the box."""
+    yield from _boxes(machine, machine.mechanism.certified_bounds)
 
 
 def sharp_promises_kept(machine: Machine) -> Iterator[Case]:
-    """No margin met in a box of joints is below what `guarantee_sharp` promises, and the branch goes on in the box."""
-    yield from _boxes(machine, machine.mechanism.guarantee_sharp)
+    """No margin met in a box of joints is below what `sharp_bounds` promises, and the branch goes on in the box."""
+    yield from _boxes(machine, machine.mechanism.sharp_bounds)
 
 
-def _boxes(machine: Machine, promise: Callable[[Posture, Sequence[float]], Guarantee]) -> Iterator[Case]:
+def _boxes(machine: Machine, promise: Callable[[Posture, Sequence[float]], CertifiedBounds]) -> Iterator[Case]:
     rng = machine.random()
     lower, upper = machine.ranges
     for at in machine.spread:
         for size in (10.0 ** rng.uniform(-5.0, -1.0), 10.0 ** rng.uniform(-3.0, -2.0)):
             travel = (upper - lower) * size * rng.uniform(0.0, 1.0, len(lower))
             bound = promise(at, travel.tolist())
-            said = f"{place(at)}, travel {numbers(tuple(travel))}"
-            yield from _kept(machine.mechanism, at, bound, said, _in_box(rng, np.array(at.joints), travel))
+            stated = f"{place(at)}, travel {numbers(tuple(travel))}"
+            yield from _kept(machine.mechanism, at, bound, stated, _in_box(rng, np.array(at.joints), travel))
     for at in machine.spread[:: max(1, len(machine.spread) // SEARCHED)]:
         travel = _widest(machine, at, promise, rng)
         bound = promise(at, travel.tolist())
-        said = f"{place(at)}, travel {numbers(tuple(travel))}"
-        yield from _kept(machine.mechanism, at, bound, said, _worst_in_box(machine.mechanism, at, bound, travel, rng))
+        stated = f"{place(at)}, travel {numbers(tuple(travel))}"
+        yield from _kept(machine.mechanism, at, bound, stated, _worst_in_box(machine.mechanism, at, bound, travel, rng))
 
 
 def _widest(
-    machine: Machine, at: Posture, promise: Callable[[Posture, Sequence[float]], Guarantee], rng: np.random.Generator
+    machine: Machine,
+    at: Posture,
+    promise: Callable[[Posture, Sequence[float]], CertifiedBounds],
+    rng: np.random.Generator,
 ) -> Array:
-    """A box over which little of the Type 2 margin is left: where a bound says most about the second order."""
+    """A box over which little of the Type 2 margin is left: there a bound depends most on the second order."""
     lower, upper = machine.ranges
     shape = (upper - lower) * rng.uniform(0.2, 1.0, len(lower))
     low, high = 1e-6, 0.3
@@ -194,10 +198,10 @@ def _widest(
 
 
 def _worst_in_box(
-    mechanism: Mechanism, at: Posture, bound: Guarantee, travel: Array, rng: np.random.Generator
+    mechanism: Mechanism, at: Posture, bound: CertifiedBounds, travel: Array, rng: np.random.Generator
 ) -> Array:
-    """Joints (1, n) of a box at which a margin comes nearest to its bound, or falls below it: local search from
-    random corners, one joint after the other, each by steps that become smaller."""
+    """Joints (1, n) of a box at which a margin comes nearest to its bound, or falls below it: local search from random
+    corners, one joint after the other, with steps that become smaller."""
     floors, middle = np.array(_floors(bound)), np.array(at.joints)
 
     def lack(share: Array) -> float:
@@ -221,19 +225,19 @@ def _worst_in_box(
     return (middle + best * travel)[np.newaxis]
 
 
-def _kept(mechanism: Mechanism, at: Posture, bound: Guarantee, said: str, joints: Array) -> Iterator[Case]:
-    """A bound against the margins at joints (N, n)."""
+def _kept(mechanism: Mechanism, at: Posture, bound: CertifiedBounds, stated: str, joints: Array) -> Iterator[Case]:
+    """Compare a bound with the margins at joints (N, n)."""
     if not bound.type2 > 0.0:
         return
     floors = np.array(_floors(bound))
-    said = f"{said}: promised {numbers(tuple(floors))}"
+    stated = f"{stated}: promised {numbers(tuple(floors))}"
     for q in joints.tolist():
         met = mechanism.track(tuple(q), at)
         if met.status != Status.SOLVED:
-            yield Case(inf, f"{said}; at joints {numbers(q)} there is no posture")
+            yield Case(inf, f"{stated}; at joints {numbers(q)} there is no posture")
             continue
         margins = _margins(met)
-        yield Case(float((floors - margins).max()), f"{said}; at joints {numbers(q)} {numbers(margins)}")
+        yield Case(float((floors - margins).max()), f"{stated}; at joints {numbers(q)} {numbers(margins)}")
 
 
 def _in_box(rng: np.random.Generator, middle: Array, travel: Array) -> Array:
@@ -246,7 +250,7 @@ def promises_something(machine: Machine) -> Iterator[Case]:
     """Over a box that is almost a point the guarantee is almost the margins: bounds of 0 stop a robot for nothing."""
     lower, upper = machine.ranges
     for at in machine.regular:
-        bound = machine.mechanism.guarantee(at, (SMALL * (upper - lower)).tolist())
+        bound = machine.mechanism.certified_bounds(at, (SMALL * (upper - lower)).tolist())
         lost = float(np.subtract(_margins(at), _floors(bound)).max())
         yield Case(lost, f"{place(at)}: margins {numbers(_margins(at))}, promised {numbers(_floors(bound))}")
 
@@ -270,21 +274,21 @@ def clearance_kept(machine: Machine) -> Iterator[Case]:
                 met = mechanism.track(q, met)
                 if not min(reach) > 0.0 or met.status != Status.SOLVED:
                     break
-            said = f"{place(at)}, clearance {clearance:.6g} m: pose {numbers(x)}"
+            stated = f"{place(at)}, clearance {clearance:.6g} m: pose {numbers(x)}"
             if not min(reach) > 0.0 or met.status != Status.SOLVED:
-                yield Case(inf, f"{said} has reach {min(reach):.6g} m, {Status(met.status).name}")
+                yield Case(inf, f"{stated} has reach {min(reach):.6g} m, {Status(met.status).name}")
             else:
-                yield Case(apart(mechanism.task, met.pose, x), f"{said} is not on the branch any more")
+                yield Case(apart(mechanism.task, met.pose, x), f"{stated} is not on the branch any more")
 
 
 def _other_label(mechanism: Mechanism, here: Posture, there: Posture, straight: float) -> str:
-    """What is wrong if the branch goes on under another label although labels are said to hold."""
-    if not mechanism.labels_hold or apart(mechanism.task, there.pose, here.pose) <= 2.0 * straight:
+    """The fault of a branch that continues with another label although labels are declared to be invariant."""
+    if not mechanism.label_is_invariant or apart(mechanism.task, there.pose, here.pose) <= 2.0 * straight:
         return ""
     for mode in mechanism.assembly_modes:
         other = mechanism.posture(there.joints, mode)
         if other.status == Status.SOLVED and apart(mechanism.task, other.pose, here.pose) <= 2.0 * straight:
-            return f", the branch goes on in assembly mode {mode:+d}: set labels_hold = False and write track"
+            return f", the branch goes on in assembly mode {mode:+d}: set label_is_invariant = False and write track"
     return ""
 
 
@@ -302,6 +306,6 @@ def labels_stay(machine: Machine) -> Iterator[Case]:
             step = apart(mechanism.task, there.pose, here.pose)
             A, B = np.array(here.screws), np.array(here.levers)
             straight = float(np.abs(np.linalg.solve(A, -B * way)).max())
-            said = f"{place(here)}, then joints {numbers(there.joints)}: the pose jumps to {numbers(there.pose)}"
-            yield Case(step - 2.0 * straight, said + (_other_label(mechanism, here, there, straight) if step else ""))
+            stated = f"{place(here)}, then joints {numbers(there.joints)}: the pose jumps to {numbers(there.pose)}"
+            yield Case(step - 2.0 * straight, stated + (_other_label(mechanism, here, there, straight) if step else ""))
             here = there

@@ -8,17 +8,17 @@ from math import inf, remainder
 import numpy as np
 
 from irsbot_kinematics import statics
-from irsbot_kinematics.arithmetic import FLOATS, Array
 from irsbot_kinematics.batch import direct_many
 from irsbot_kinematics.conformance.samples import Case, Machine, apart, numbers, place
 from irsbot_kinematics.mechanism import Coordinate, Floats, Posture, Status
+from irsbot_kinematics.numerics.arithmetic import FLOATS, Array
 
 STEP = 1e-3
-"""rad, or times the characteristic length: of five-point differences, whose error is then near 1e-12."""
+"""rad, or times the characteristic length: step of five-point differences, whose error is then near 1e-12."""
 WEIGHTS = {-2: 1.0, -1: -8.0, 1: 8.0, 2: -1.0}
-"""Of the five-point first difference, over 12 steps."""
+"""Weights of the five-point first difference, over 12 steps."""
 BEND = {-2: -1.0, -1: 16.0, 0: -30.0, 1: 16.0, 2: -1.0}
-"""Of the five-point second difference, over 12 squared steps."""
+"""Weights of the five-point second difference, over 12 squared steps."""
 
 
 def inverse_closes(machine: Machine) -> Iterator[Case]:
@@ -35,9 +35,11 @@ def inverse_keeps_mode(machine: Machine) -> Iterator[Case]:
     mechanism = machine.mechanism
     for at in machine.regular:
         for mode, q in machine.inverses(at):
-            sines = mechanism.legs(FLOATS, q, at.pose).sines
-            wrong = max([-sine * sign for sine, sign in zip(sines, mode, strict=True)])
-            yield Case(wrong, f"inverse of pose {numbers(at.pose)} in mode {mode} has the sines {numbers(sines)}")
+            normalised_levers = mechanism.legs(FLOATS, q, at.pose).normalised_levers
+            wrong = max([-sine * sign for sine, sign in zip(normalised_levers, mode, strict=True)])
+            yield Case(
+                wrong, f"inverse of pose {numbers(at.pose)} in mode {mode} has the sines {numbers(normalised_levers)}"
+            )
 
 
 def direct_gives_back(machine: Machine) -> Iterator[Case]:
@@ -48,7 +50,7 @@ def direct_gives_back(machine: Machine) -> Iterator[Case]:
     found = [direct_many(mechanism, Q, label)[:2] for label in mechanism.assembly_modes]
     for i, (at, mode, q) in enumerate(asked):
         legs = mechanism.legs(FLOATS, q, at.pose)
-        if min(statics.pressure_cosines(FLOATS, legs.screws, legs.arms)[1]) < 1e-3:
+        if min(statics.pressure_cosines(FLOATS, legs.screws, legs.attachments)[1]) < 1e-3:
             continue  # two assembly modes meet
         poses = [tuple(pose[i].tolist()) for pose, status in found if status[i] == Status.SOLVED]
         away = min([apart(mechanism.task, pose, at.pose) for pose in poses], default=inf)
@@ -69,8 +71,8 @@ def jacobian_pose(machine: Machine) -> Iterator[Case]:
     for at in machine.regular:
         rows, signs = _closure_gradient(machine, at, by_pose=True), _signs(machine, at)
         for leg, (row, screw, sign) in enumerate(zip(rows, at.screws, signs, strict=True), 1):
-            said = f"leg {leg} at {place(at)}: screw {numbers(screw)}, gradient of the closure {numbers(sign * row)}"
-            yield Case(float(np.abs(sign * row - screw).max()), said)
+            stated = f"leg {leg} at {place(at)}: screw {numbers(screw)}, gradient of the closure {numbers(sign * row)}"
+            yield Case(float(np.abs(sign * row - screw).max()), stated)
 
 
 def jacobian_joints(machine: Machine) -> Iterator[Case]:
@@ -79,14 +81,14 @@ def jacobian_joints(machine: Machine) -> Iterator[Case]:
         slopes, signs = _closure_gradient(machine, at, by_pose=False), _signs(machine, at)
         for leg, (slope, lever, sign) in enumerate(zip(slopes, at.levers, signs, strict=True)):
             expected = np.where(np.arange(len(slope)) == leg, lever, 0.0)
-            said = (
+            stated = (
                 f"leg {leg + 1} at {place(at)}: lever {lever:.6g}, differences of the closure {numbers(sign * slope)}"
             )
-            yield Case(float(np.abs(sign * slope - expected).max()), said)
+            yield Case(float(np.abs(sign * slope - expected).max()), stated)
 
 
 def _signs(machine: Machine, at: Posture) -> list[float]:
-    """Whether each closure grows along its screw or against it."""
+    """Sign of each closure along its screw."""
     rows = _closure_gradient(machine, at, by_pose=True)
     return [1.0 if float(np.dot(row, screw)) >= 0.0 else -1.0 for row, screw in zip(rows, at.screws, strict=True)]
 
@@ -123,8 +125,8 @@ def inverse_rates(machine: Machine) -> Iterator[Case]:
         near = {k: _unwound(mechanism.joints, q, at.joints) for k, (q, _) in found.items()}
         rates = _slope(near)
         left = np.array(at.screws) @ way + np.array(at.levers) * rates
-        said = f"{place(at)}, twist {numbers(tuple(way))}: joint rates {numbers(tuple(rates))} leave {numbers(left)}"
-        yield Case(float(np.abs(left).max()) / (1.0 + float(np.abs(rates).max())), said)
+        stated = f"{place(at)}, twist {numbers(tuple(way))}: joint rates {numbers(tuple(rates))} leave {numbers(left)}"
+        yield Case(float(np.abs(left).max()) / (1.0 + float(np.abs(rates).max())), stated)
 
 
 def _scales(axes: tuple[Coordinate, ...], length_m: float) -> Array:
@@ -132,7 +134,7 @@ def _scales(axes: tuple[Coordinate, ...], length_m: float) -> Array:
 
 
 def _random_rates(machine: Machine, at: Posture, rng: np.random.Generator) -> Array:
-    """Joint rates that move neither joints nor platform by more than about its length, or a radian, per second."""
+    """Joint rates at which neither joints nor platform move by more than about the length, or a radian, per second."""
     mechanism = machine.mechanism
     rates = rng.uniform(-1.0, 1.0, len(at.joints)) * _scales(mechanism.joints, mechanism.length_m)
     twist = np.linalg.solve(np.array(at.screws), -np.array(at.levers) * rates)
@@ -140,7 +142,7 @@ def _random_rates(machine: Machine, at: Posture, rng: np.random.Generator) -> Ar
 
 
 def _unwound(axes: tuple[Coordinate, ...], values: Floats, near: Floats) -> Array:
-    """Values whose angles are counted from those nearby, without the jump at half a turn."""
+    """Values whose angles are counted from nearby ones, without the jump at half a turn."""
     turns = [axis.turn for axis in axes]
     return np.array([b + remainder(a - b, turn) for a, b, turn in zip(values, near, turns, strict=True)])
 
@@ -159,9 +161,9 @@ def direct_rates(machine: Machine) -> Iterator[Case]:
         A, B = np.array(at.screws), np.array(at.levers)
         size = 1.0 + float(np.abs(acceleration).max()) + float(np.abs(velocity).max())
         left, more = A @ velocity + B * rates, A @ acceleration + B * bends + np.array(bias)
-        said = f"{place(at)}, joint rates {numbers(tuple(rates))}, accelerations {numbers(tuple(bends))}: "
-        yield Case(float(np.abs(left).max()) / size, said + f"A t + B qdot = {numbers(left)}")
-        yield Case(float(np.abs(more).max()) / size, said + f"A a + B qddot + bias = {numbers(more)}")
+        stated = f"{place(at)}, joint rates {numbers(tuple(rates))}, accelerations {numbers(tuple(bends))}: "
+        yield Case(float(np.abs(left).max()) / size, stated + f"A t + B qdot = {numbers(left)}")
+        yield Case(float(np.abs(more).max()) / size, stated + f"A a + B qddot + bias = {numbers(more)}")
 
 
 def _total(values: Mapping[int, Array], weights: Mapping[int, float]) -> Array:
@@ -195,10 +197,10 @@ def virtual_work(machine: Machine) -> Iterator[Case]:
         twist = _slope(poses)
         efforts = robot.efforts(at.pose, at.joints, wrench)
         work, size = efforts @ rates + wrench @ twist, 1.0 + np.abs(efforts) @ np.abs(rates)
-        said = (
+        stated = (
             f"{place(at)}, load {numbers(wrench)}, rates {numbers(rates)}: efforts {numbers(efforts)} leave {work:.2g}"
         )
-        yield Case(float(abs(work) / size), said)
+        yield Case(float(abs(work) / size), stated)
 
 
 def load_maximum(machine: Machine) -> Iterator[Case]:
@@ -211,6 +213,6 @@ def load_maximum(machine: Machine) -> Iterator[Case]:
         if turns:
             ways = np.concatenate([np.insert(ways, ways.shape[1], sign * 0.3, axis=1) for sign in (-1.0, 1.0)])
         met = np.abs(np.linalg.solve(np.array(at.screws).T, ways.T)).max(axis=1)
-        said = robot.reaction_max(at.pose, at.joints, 1.0, 0.3)
-        over = float((met / said - 1.0).max())
-        yield Case(over, f"{place(at)}: 1 N and 0.3 N m give {numbers(met)} N, reaction_max {numbers(said)} N")
+        stated = robot.reaction_max(at.pose, at.joints, 1.0, 0.3)
+        over = float((met / stated - 1.0).max())
+        yield Case(over, f"{place(at)}: 1 N and 0.3 N m give {numbers(met)} N, reaction_max {numbers(stated)} N")

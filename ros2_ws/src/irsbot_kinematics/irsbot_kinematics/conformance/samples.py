@@ -1,4 +1,4 @@
-"""Postures on which the laws are tried, and what a law answers."""
+"""Postures at which the laws are tried, and the result of a law."""
 
 from __future__ import annotations
 
@@ -9,49 +9,49 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from irsbot_kinematics.arithmetic import FLOATS, Array
 from irsbot_kinematics.mechanism import Coordinate, Floats, Mechanism, Posture, Status
+from irsbot_kinematics.numerics.arithmetic import FLOATS, Array
 from irsbot_kinematics.robot import Robot
 
 REGULAR = 0.1
-"""1: laws that need differences are tried where all margins are above this: derivatives are small there."""
+"""1: laws that need differences are tried if all margins are above this: derivatives are small there."""
 
 RANGE_LENGTHS = 10.0
-"""1: a slide without limits is tried over this many characteristic lengths to both sides."""
+"""1: a slide without limits is tried over this many characteristic lengths on both sides."""
 
 
 class Check(NamedTuple):
-    """What became of one law."""
+    """Result of one law."""
 
     law: str
     """Short name."""
     words: str
     """The law in one sentence."""
     tried: int
-    """How many cases it was tried on."""
+    """Number of cases."""
     worst: float
-    """Largest error met, in `unit`."""
+    """Largest error found, in `unit`."""
     allowed: float
     unit: str
     broken: str
-    """Empty, or the first case that breaks it: where, and both numbers."""
+    """Empty, or the first case that breaks it: its place, and both numbers."""
 
 
 class Case(NamedTuple):
-    """One trial: an error that must not exceed what is allowed, and what to say if it does."""
+    """One case: an error with its largest allowed value, and the message if it is larger."""
 
     error: float
-    said: str
+    stated: str
 
 
 Law = Callable[["Machine"], Iterator[Case]]
 
 
 class Machine:
-    """A robot, its random postures, and a generator of random numbers of its own for every law."""
+    """A robot, its random postures, and a separate generator of random numbers for every law."""
 
     def __init__(self, robot: Robot, number: int, seed: int) -> None:
-        """number: how many random joint positions, in each of which every assembly mode is tried."""
+        """number: of random joint positions; every assembly mode is tried in each."""
         self.robot, self._number, self._seed = robot, number, seed
 
     @property
@@ -63,7 +63,7 @@ class Machine:
 
     @cached_property
     def ranges(self) -> tuple[Array, Array]:
-        """Over which the joints are tried: angles over a turn, slides over their travel."""
+        """Ranges over which the joints are tried: angles over a turn, slides over their travel."""
         far = RANGE_LENGTHS * self.mechanism.length_m
         lower = [max(joint.lower, -pi if joint.is_angle else -far) for joint in self.mechanism.joints]
         upper = [min(joint.upper, pi if joint.is_angle else far) for joint in self.mechanism.joints]
@@ -76,23 +76,23 @@ class Machine:
 
     @cached_property
     def asked(self) -> list[tuple[Floats, int, Posture]]:
-        """(joints, assembly mode, what `posture` answers) in every mode at `joints`."""
+        """(joints, assembly mode, result of `posture`) in every mode at `joints`."""
         modes, posture = self.mechanism.assembly_modes, self.mechanism.posture
         return [(q, mode, posture(q, mode)) for q in map(tuple, self.joints.tolist()) for mode in modes]
 
     @cached_property
     def postures(self) -> list[Posture]:
-        """The assembled ones of them."""
+        """The assembled postures."""
         return [at for _, _, at in self.asked if at.status == Status.SOLVED]
 
     @cached_property
     def spread(self) -> list[Posture]:
-        """At most as many as joint positions, from all over the postures."""
+        """At most as many as joint positions, evenly from all postures."""
         return self.postures[:: max(1, -(-len(self.postures) // self._number))]
 
     @cached_property
     def regular(self) -> list[Posture]:
-        """Those far from every singularity, at most as many as joint positions."""
+        """Postures far from every singularity, at most as many as joint positions."""
         return [at for at in self.postures if least(at) > REGULAR][: self._number]
 
     def inverses(self, at: Posture) -> Iterator[tuple[tuple[int, ...], Floats]]:
@@ -122,5 +122,5 @@ def numbers(values: Iterable[Any]) -> str:
 
 
 def place(at: Posture) -> str:
-    """Where a law broke: joints, pose and assembly mode, to be tried again."""
+    """Where a law broke, so that it can be tried again: joints, pose and assembly mode."""
     return f"joints {numbers(at.joints)}, pose {numbers(at.pose)}, assembly mode {at.assembly_mode:+d}"

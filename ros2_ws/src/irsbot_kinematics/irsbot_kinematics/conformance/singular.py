@@ -1,4 +1,4 @@
-"""A law of postures that are exactly singular: what is asked there is answered, by numbers or by a refusal."""
+"""A law of exactly singular postures: every request there returns numbers or a refusal."""
 
 from __future__ import annotations
 
@@ -8,24 +8,25 @@ from math import inf, isfinite, pi
 
 import numpy as np
 
-from irsbot_kinematics.arithmetic import FLOATS, Array
+from irsbot_kinematics.batch import evaluate_many
 from irsbot_kinematics.conformance.samples import Case, Machine, numbers, place
 from irsbot_kinematics.errors import NotAssembled
-from irsbot_kinematics.mechanism import Floats, Guarantee, Mechanism, Posture, Signs, Status
-from irsbot_kinematics.tolerances import REACH_TOL_M
+from irsbot_kinematics.mechanism import CertifiedBounds, Floats, Mechanism, Posture, Signs, Status
+from irsbot_kinematics.numerics.arithmetic import FLOATS, Array
+from irsbot_kinematics.numerics.tolerances import REACH_TOL_M
 
 COMBINED = 60
-"""Joint positions of corners and middles of the ranges, at most."""
+"""Largest number of combinations of corners and middles of the ranges."""
 EQUAL = 6
-"""Joint positions of which all are equal, or equal with signs in turn."""
+"""Number of joint positions that are all equal, or equal with alternating signs."""
 BOUNDARY = 3
-"""Regular postures from which the boundary of the workspace is looked for, along each leg."""
+"""Number of regular postures from which the boundary of the workspace is searched, along each leg."""
 MODES = 4
-"""Working modes and labels that are tried there."""
+"""Number of working modes and labels that are tried there."""
 FARTHER = 6
-"""Steps, each twice as long, after which no other end of a reach is looked for."""
+"""Number of steps, each twice as long, after which the search for the other end of a reach is given up."""
 STEPS = 8
-"""Newton steps to the boundary: the reach of most legs is linear along its gradient, so that two would do."""
+"""Newton steps to the boundary: the reach of most legs is linear along its gradient, so two would suffice."""
 TRIED = ((0.0, 0.0), (1e-9, 0.0), (1e-3, 0.0), (0.0, 1e-9), (1e-3, 1e-4))
 """Shares of the joint range and of the characteristic length: travels with slacks."""
 
@@ -34,13 +35,13 @@ def singular_answered(machine: Machine) -> Iterator[Case]:
     """Straight, folded, coincident, parallel and symmetric postures are answered: margins are numbers in 0..1, no bound
     is above them, nothing raises but NotAssembled."""
     for at in _postures(machine):
-        said = place(at)
+        stated = place(at)
         for name, wrong in (("posture", _of_posture), ("bounds", _of_bounds), ("answers", _of_answers)):
             try:
                 error, words = wrong(machine, at)
-            except Exception as problem:  # whatever a mechanism of the user does
+            except Exception as problem:  # a mechanism of the user may raise anything
                 error, words = inf, f"{name}: {type(problem).__name__}: {' '.join(str(problem).split())}"
-            yield Case(error, f"{said}: {words}")
+            yield Case(error, f"{stated}: {words}")
 
 
 # --- what is asked -----------------------------------------------------------------------------------------------
@@ -64,8 +65,8 @@ def _of_bounds(machine: Machine, at: Posture) -> tuple[float, str]:
         return inf, f"clearance {clearance}"
     for share, slack in TRIED:
         travel = (share * (upper - lower)).tolist()
-        bound = mechanism.guarantee(at, travel, slack * mechanism.length_m)
-        sharp = mechanism.guarantee_sharp(at, travel, slack * mechanism.length_m)
+        bound = mechanism.certified_bounds(at, travel, slack * mechanism.length_m)
+        sharp = mechanism.sharp_bounds(at, travel, slack * mechanism.length_m)
         for floors, least in ((_margins(bound), margins), (_margins(sharp), margins)):
             right = len(floors) == len(margins) and min(floors) >= 0.0 and all(map(isfinite, floors))
             over = float(np.subtract(floors, least).max()) if right else inf
@@ -75,12 +76,12 @@ def _of_bounds(machine: Machine, at: Posture) -> tuple[float, str]:
 
 
 def _of_answers(machine: Machine, at: Posture) -> tuple[float, str]:
-    """What a library user and the supervisor ask besides."""
+    """The other requests of library users and of the supervisor."""
     robot, mechanism, q, ones = machine.robot, machine.mechanism, at.joints, (1.0,) * len(at.joints)
     near = tuple(np.add(q, 1e-6).tolist())
     for joints in (q, near):
         mechanism.track(joints, at)
-    many = robot.evaluate_many([q, near], at.assembly_mode)
+    many = evaluate_many(mechanism, np.array([q, near]), at.assembly_mode)
     poses = many.pose[many.status == Status.SOLVED]
     worst = [value for value in robot.reaction_max(at.pose, q, 1.0, 0.3).tolist() if not value >= 0.0]
     if worst or not np.isfinite(poses).all() or not all(map(isfinite, mechanism.bias(at, ones, ones))):
@@ -102,8 +103,8 @@ def _of_answers(machine: Machine, at: Posture) -> tuple[float, str]:
     return 0.0, "answers"
 
 
-def _margins(of: Posture | Guarantee) -> Floats:
-    """Those that there are."""
+def _margins(of: Posture | CertifiedBounds) -> Floats:
+    """The margins that the posture has."""
     return (*of.type1, of.type2, *of.limb, *([of.constraint] if isfinite(of.constraint) else []))
 
 
@@ -167,7 +168,7 @@ def _special_poses(machine: Machine) -> Iterator[Floats]:
 
 
 def _boundaries(mechanism: Mechanism, at: Posture, leg: int) -> Iterator[Floats]:
-    """Poses to which the platform comes if it goes straight to the ends of the reach of one leg, without a turn."""
+    """Poses that the platform reaches on a straight line, without a turn, at the ends of the reach of one leg."""
     size = len(at.pose)
     moves = np.eye(size)[: size - mechanism.task[-1].is_angle]
     step = 1e-6 * mechanism.length_m

@@ -1,16 +1,29 @@
 """Design space of the IRSBot-2: which designs are free of which singularities, and why."""
 
+from irsbot_kinematics.analysis.rectangle import Limits, Rectangle, largest_rectangle
 from irsbot_kinematics.design.cells import Cells, cells
 from irsbot_kinematics.design.check import Verdict, check
-from irsbot_kinematics.design.designs import PARAMETERS, Designs
-from irsbot_kinematics.design.distal import Bounds, Counts, Kind, bounds, counts, distal_free, table_3
 from irsbot_kinematics.design.errata import ERRATA
 from irsbot_kinematics.design.moves import Move, moves
-from irsbot_kinematics.design.postures import Placement, Reach, SingularPosture, reach, singular_postures
-from irsbot_kinematics.design.proximal import QUESTIONS, ZONES, answers, in_zone, printed, seats
-from irsbot_kinematics.design.rectangle import Limits, Rectangle, largest_rectangle
+from irsbot_kinematics.design.proximal import (
+    QUESTIONS,
+    ZONES,
+    evaluate_printed_zones,
+    evaluate_questions,
+    find_seats,
+    in_zone,
+)
 from irsbot_kinematics.design.search import Task, search
 from irsbot_kinematics.design.sweep import Plan, Range, judge, sweep
+from irsbot_kinematics.mechanisms.irsbot2_space.designs import PARAMETERS, Designs
+from irsbot_kinematics.mechanisms.irsbot2_space.distal import Bounds, Counts, Kind, bounds, counts, distal_free, table_3
+from irsbot_kinematics.mechanisms.irsbot2_space.singular_postures import (
+    Placement,
+    Reachability,
+    SingularPosture,
+    reachability,
+    singular_postures,
+)
 
 __all__ = [
     "ERRATA",
@@ -27,25 +40,25 @@ __all__ = [
     "Placement",
     "Plan",
     "Range",
-    "Reach",
+    "Reachability",
     "Rectangle",
     "SingularPosture",
     "Task",
     "Verdict",
-    "answers",
     "bounds",
     "cells",
     "check",
     "counts",
     "distal_free",
+    "evaluate_printed_zones",
+    "evaluate_questions",
+    "find_seats",
     "in_zone",
     "judge",
     "largest_rectangle",
     "moves",
-    "printed",
-    "reach",
+    "reachability",
     "search",
-    "seats",
     "singular_postures",
     "sweep",
     "table_3",

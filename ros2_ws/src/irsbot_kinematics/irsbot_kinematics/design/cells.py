@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 from math import asin, inf, isclose, isinf, pi, sqrt
 
-from irsbot_kinematics.design import distal
-from irsbot_kinematics.design.designs import PARAMETERS, Designs
-from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2Geometry
+from irsbot_kinematics.arguments import checked
+from irsbot_kinematics.mechanisms.irsbot2_space import distal
+from irsbot_kinematics.mechanisms.irsbot2_space.designs import PARAMETERS, Designs
+from irsbot_kinematics.mechanisms.irsbot2_space.geometry import Irsbot2Geometry
 
 BETA_BOUNDS = {"beta1": 0.0, "beta2": asin(1.0 / sqrt(3.0)), "beta3": pi / 4, "beta4": pi / 2}
 """rad; Table 2 of [S0]: where p8 passes p3 and p4."""
@@ -38,7 +39,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class LengthCell(Cell):
-    """An interval of l2eq for the p of the design, and what the distal loop can do there."""
+    """An interval of l2eq for the p of the design, and the singular postures of the distal loop in it."""
 
     counts: dict[str, int]
     """Number of singular postures by kind: I, II, III, C1a, C1b."""
@@ -48,7 +49,7 @@ class LengthCell(Cell):
 
 @dataclass(frozen=True)
 class Cells:
-    """Where a design stands in the distal design space."""
+    """Location of a design in the distal design space."""
 
     beta: Cell
     """Closed below, as in Table 3."""
@@ -60,6 +61,7 @@ class Cells:
     """Free of Cases I to III, bulky designs included."""
 
 
+@checked
 def cells(g: Irsbot2Geometry) -> Cells:
     """All cells of p for the a2 and beta of a design, and all cells of l2eq for its p."""
     t = distal.bounds(Designs.of(g))

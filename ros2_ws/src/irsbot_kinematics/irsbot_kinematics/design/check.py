@@ -1,22 +1,29 @@
-"""The verdict on one design: free of singularities or not, of which, where, and why."""
+"""The verdict on one design: whether it is free of singularities, their kinds and places, and the reasons."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from irsbot_kinematics.design import distal, proximal
-from irsbot_kinematics.design.designs import Designs
+from irsbot_kinematics.arguments import checked
+from irsbot_kinematics.design import proximal
 from irsbot_kinematics.design.loci import LocusPart, type_2_parts
-from irsbot_kinematics.design.postures import Reach, SingularPosture, reach, singular_postures
 from irsbot_kinematics.design.proximal import QUESTIONS, ZONES
 from irsbot_kinematics.errors import BadInput
 from irsbot_kinematics.mechanism import Signs
-from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2Geometry
+from irsbot_kinematics.mechanisms.irsbot2_space import distal
+from irsbot_kinematics.mechanisms.irsbot2_space.designs import Designs
+from irsbot_kinematics.mechanisms.irsbot2_space.geometry import Irsbot2Geometry
+from irsbot_kinematics.mechanisms.irsbot2_space.singular_postures import (
+    Reachability,
+    SingularPosture,
+    reachability,
+    singular_postures,
+)
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One question of the design space, answered."""
+    """One question of the design space, with its answer."""
 
     name: str
     holds: bool
@@ -31,8 +38,8 @@ class Finding:
         question = QUESTIONS[self.name]
         if self.larger == float("inf"):
             return "the distal loop cannot take it"
-        said = "holds" if self.holds else "fails"
-        return f"{question.inequality} {said}: {self.larger:.6g} against {self.smaller:.6g} m"
+        stated = "holds" if self.holds else "fails"
+        return f"{question.inequality} {stated}: {self.larger:.6g} against {self.smaller:.6g} m"
 
 
 @dataclass(frozen=True)
@@ -56,25 +63,26 @@ class Met:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Everything that `check` finds out."""
+    """The complete result of `check`."""
 
     zone: str
     free: bool
-    """In the zone that was asked for."""
+    """True if the design is in the requested zone."""
     findings: tuple[Finding, ...]
     zones: dict[str, bool]
     printed: dict[str, bool]
-    """The same zones as [S0] prints them, where it does."""
+    """The same zones as printed in [S0], if it prints them."""
     flow: tuple[Step, ...]
-    postures: tuple[tuple[SingularPosture, Reach], ...]
+    postures: tuple[tuple[SingularPosture, Reachability], ...]
     loci: tuple[LocusPart, ...]
 
     def failed(self) -> tuple[Finding, ...]:
-        """The questions of the zone that are answered no."""
+        """The questions of the zone with the answer no."""
         return tuple(f for f in self.findings if f.name in ZONES[self.zone] and not f.holds)
 
     def met(self) -> tuple[Met, ...]:
-        """What is reached, by working mode and side. A posture that holds on the line counts on both sides."""
+        """Singularities that are reached, by working mode and side. A posture that holds on the line counts on both
+        sides."""
         found = [Met(f"psi_I = psi_II{' + pi' * part.opposite}", part.working_mode, part.below) for part in self.loci]
         for posture, where in self.postures:
             found += [
@@ -86,8 +94,8 @@ class Verdict:
         return tuple(dict.fromkeys(found))
 
     def free_in(self, mode: Signs, below: bool | None = None) -> bool:
-        """Whether nothing is met in a working mode, on one side or on both. A posture on the boundary between two
-        modes (sign 0) counts for both, a posture that holds anywhere for all."""
+        """True if no singularity is met in a working mode, on one side or on both. A posture on the boundary between
+        two modes (sign 0) counts for both; a posture that holds anywhere counts for all."""
         if any(where.anywhere for _, where in self.postures):
             return False
         return not any(
@@ -97,19 +105,20 @@ class Verdict:
         )
 
 
+@checked
 def check(g: Irsbot2Geometry, zone: str = "strict") -> Verdict:
     """Judge a design by one of ZONES. Raises BadInput for an unknown zone."""
     if zone not in ZONES:
         raise BadInput(f"no zone '{zone}'; zones are {', '.join(ZONES)}")
     d = Designs.of(g)
-    found = proximal.answers(d)
+    found = proximal.evaluate_questions(d)
     findings = tuple(
         Finding(name, bool(proximal.holds(name, sides)[0]), float(sides.larger[0]), float(sides.smaller[0]))
         for name, sides in found.items()
     )
     zones = {name: bool(proximal.in_zone(name, found)[0]) for name in ZONES}
-    printed = {name: bool(flags[0]) for name, flags in proximal.printed(d).items() if name in ZONES}
-    held = [(posture, reach(g, posture)) for posture in singular_postures(g)]
+    printed = {name: bool(flags[0]) for name, flags in proximal.evaluate_printed_zones(d).items() if name in ZONES}
+    held = [(posture, reachability(g, posture)) for posture in singular_postures(g)]
     return Verdict(
         zone=zone,
         free=zones[zone],

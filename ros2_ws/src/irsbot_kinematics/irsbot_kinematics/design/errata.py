@@ -1,4 +1,4 @@
-"""Where [S0] prints something else than what is computed here, by what it concerns."""
+"""Statements of [S0] that differ from the result here, by subject."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 
 class Erratum(NamedTuple):
-    """One printed statement that does not hold, and what does."""
+    """One printed statement that does not hold, and the correct one."""
 
     where: str
     printed: str

@@ -1,4 +1,4 @@
-"""Where a design meets its Type 2 loci: in which working modes, above or below the line through the motors."""
+"""Type 2 loci that a design meets, by working mode and by side of the line through the motors."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from math import tau
 
 import numpy as np
 
-from irsbot_kinematics.arithmetic import Array
 from irsbot_kinematics.mechanism import Signs
-from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2Geometry
-from irsbot_kinematics.mechanisms.planar_pair import Loop, coincident_elbows
-from irsbot_kinematics.tolerances import COINCIDENT_TOL_M, SIGN_DEAD_BAND
+from irsbot_kinematics.mechanisms.irsbot2_space.geometry import Irsbot2Geometry
+from irsbot_kinematics.mechanisms.planar_loop import Loop, coincident_elbows
+from irsbot_kinematics.numerics.arithmetic import Array
+from irsbot_kinematics.numerics.tolerances import COINCIDENT_TOL_M, SIGN_DEAD_BAND
 
 _SAMPLES = 7200
 """Points per turn of each locus: parts shorter than 0.05 deg may be missed. Whether a locus exists at all is decided
@@ -46,8 +46,8 @@ def type_2_parts(g: Irsbot2Geometry) -> tuple[LocusPart, ...]:
     for side in (1.0, -1.0):  # P = (0, -e) + side sqrt(l1^2 - |v|^2) perp(v)/|v|, arms P +- v
         scale = side * np.sqrt(g.l1**2 - size**2) / size
         px, pz = -scale * vz, scale * vx
-        sines = [_sine(ax, az, psi) / g.l1 for ax, az in ((px + vx, pz + vz), (px - vx, pz - vz))]
-        parts += _parts(g, True, sines[0], -sines[1], pz)
+        normalised_levers = [_sine(ax, az, psi) / g.l1 for ax, az in ((px + vx, pz + vz), (px - vx, pz - vz))]
+        parts += _parts(g, True, normalised_levers[0], -normalised_levers[1], pz)
     return tuple(parts)
 
 

@@ -1,4 +1,4 @@
-"""Which single parameter would have to move how far to change the verdict on a design."""
+"""Smallest change of each single parameter that changes the verdict on a design."""
 
 from __future__ import annotations
 
@@ -8,14 +8,15 @@ from math import pi
 import numpy as np
 from numpy.typing import NDArray
 
-from irsbot_kinematics.arithmetic import Array
+from irsbot_kinematics.arguments import checked, one_of
 from irsbot_kinematics.design import proximal
-from irsbot_kinematics.design.designs import PARAMETERS, Designs, Flags
 from irsbot_kinematics.design.proximal import ZONES
-from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2Geometry
+from irsbot_kinematics.mechanisms.irsbot2_space.designs import PARAMETERS, Designs, Flags
+from irsbot_kinematics.mechanisms.irsbot2_space.geometry import Irsbot2Geometry
+from irsbot_kinematics.numerics.arithmetic import Array
 
 _STEPS = 400
-"""Trial values per parameter and direction, spaced geometrically; a passage through a thinner strip is not seen."""
+"""Trial values per parameter and direction, in geometric steps; a thinner strip may be missed."""
 _SMALLEST, _LARGEST = 1e-6, 10.0
 """Relative changes that are tried; downwards to 0, beta up to pi/2."""
 _REFINEMENTS, _PIECES = 8, 100
@@ -24,7 +25,7 @@ _REFINEMENTS, _PIECES = 8, 100
 
 @dataclass(frozen=True)
 class Move:
-    """The nearest value of one parameter beyond which the verdict is the other one."""
+    """The nearest value of one parameter beyond which the verdict changes."""
 
     parameter: str
     now: float
@@ -38,11 +39,13 @@ class Move:
         return (self.then - self.now) / self.now
 
 
+@checked
 def moves(g: Irsbot2Geometry, zone: str) -> tuple[Move, ...]:
     """Nearest change of each parameter, the other six as they are, the smallest relative one first.
 
     Parameters whose change alone does nothing are left out. Designs that no machine can have are not crossed.
     """
+    one_of(zone, tuple(ZONES), "zone")
     now = np.array([getattr(g, name) for name in PARAMETERS])
     free = bool(_member(zone, Designs.of(g))[0])
     found: dict[str, Move] = {}
@@ -63,7 +66,7 @@ def moves(g: Irsbot2Geometry, zone: str) -> tuple[Move, ...]:
 
 
 def _trials(name: str, value: float, sign: float) -> Array:
-    """The value itself, then ever larger changes."""
+    """The value itself, then increasing changes."""
     span = 1.0 if sign < 0.0 else pi / (2.0 * value) - 1.0 if name == "beta" else _LARGEST
     return np.concatenate([[value], value * (1.0 + sign * np.geomspace(_SMALLEST * min(span, 1.0), span, _STEPS))])
 
@@ -83,12 +86,12 @@ def _vary(now: Array, column: int, values: Array) -> Designs:
 
 def _member(zone: str, d: Designs) -> Flags:
     flags: NDArray[np.bool_] = np.zeros(d.b.shape, dtype=bool)
-    flags[d.valid] = proximal.in_zone(zone, proximal.answers(d.where(d.valid)))
+    flags[d.valid] = proximal.in_zone(zone, proximal.evaluate_questions(d.where(d.valid)))
     return flags
 
 
 def _decisive(zone: str, d: Designs) -> str:
-    """The question that fails by the least: just outside the zone, the one that decides."""
-    found = proximal.answers(d)
+    """The question that fails by the least: just outside the zone, it decides."""
+    found = proximal.evaluate_questions(d)
     failing = {name: found[name] for name in ZONES[zone] if not proximal.holds(name, found[name])[0]}
     return max(failing, key=lambda name: float(failing[name].slack[0]))

@@ -13,13 +13,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from irsbot_kinematics.arithmetic import Array
-from irsbot_kinematics.design import distal
-from irsbot_kinematics.design.designs import Designs, Flags
+from irsbot_kinematics.arguments import checked, one_of
+from irsbot_kinematics.errors import BadInput
+from irsbot_kinematics.mechanisms.irsbot2_space import distal
+from irsbot_kinematics.mechanisms.irsbot2_space.designs import Designs, Flags
+from irsbot_kinematics.numerics.arithmetic import Array
 
 
 class Question(NamedTuple):
-    """One condition of the design space, with what it takes to hold in words and letters."""
+    """One condition of the design space, with its requirement in words and letters."""
 
     title: str
     inequality: str
@@ -48,7 +50,7 @@ ZONES: Mapping[str, tuple[str, ...]] = {
     "wps": ("assembled", *_CASES, "opposite"),
     "strict": ("assembled", *_CASES, "opposite", "equal", "C1a", "C1b"),
 }
-"""Which questions have to be answered yes in a zone of the {l1, b} plane. `csc` is the paper's Z_I where only Case I
+"""Questions that must be answered yes in a zone of the {l1, b} plane. `csc` is the paper's Z_I where only Case I
 occurs; `strict` is ours: free of every parallel singularity in all modes."""
 
 
@@ -60,19 +62,20 @@ class Lengths(NamedTuple):
 
     @property
     def slack(self) -> Array:
-        """larger - smaller, m: how far the lengths are from changing the answer; infinite where nothing to reach."""
+        """larger - smaller, m: distance of the lengths from another answer; infinite if there is nothing to reach."""
         return self.larger - self.smaller
 
 
 class Seat(NamedTuple):
-    """Where in the {l1, b} plane a kind of singular posture can be held: hypot(b - centre, height) <= l1.
-    NaN where the distal loop cannot take the posture."""
+    """The region of the {l1, b} plane in which a kind of singular posture can be held: hypot(b - centre, height) <=
+    l1. NaN where the distal loop cannot take the posture."""
 
     centre: Array
     height: Array
 
 
-def seats(d: Designs) -> dict[str, Seat]:
+@checked
+def find_seats(d: Designs) -> dict[str, Seat]:
     """Seats of all kinds of singular postures, by the name of their question; they do not depend on l1 and b."""
     roots = distal.case_1_roots(d)
     rise = np.sqrt(1.0 - roots**2)
@@ -92,7 +95,8 @@ def seats(d: Designs) -> dict[str, Seat]:
     }
 
 
-def answers(d: Designs) -> dict[str, Lengths]:
+@checked
+def evaluate_questions(d: Designs) -> dict[str, Lengths]:
     """Both sides of every question of QUESTIONS, exact."""
     offset = np.abs(d.b0)
     found = {
@@ -101,21 +105,25 @@ def answers(d: Designs) -> dict[str, Lengths]:
         "equal": Lengths(offset, d.l1),
         "legs": Lengths(np.abs(d.l2eq - d.D), np.zeros_like(d.D)),
     }
-    for name, seat in seats(d).items():
+    for name, seat in find_seats(d).items():
         distance = np.hypot(d.b - seat.centre, seat.height)
         found[name] = Lengths(np.where(np.isnan(distance), np.inf, distance), d.l1)
     return {name: found[name] for name in QUESTIONS}
 
 
 def holds(name: str, lengths: Lengths) -> Flags:
-    """Whether a question is answered yes. A design that just touches a singularity reaches it."""
+    """True if the answer to a question is yes. A design that just touches a singularity reaches it."""
     flags: Flags = lengths.larger >= lengths.smaller if name == "assembled" else lengths.larger > lengths.smaller
     return flags
 
 
+@checked
 def in_zone(zone: str, found: Mapping[str, Lengths]) -> Flags:
     """Membership in one of ZONES."""
-    flags: Flags = np.all([holds(name, found[name]) for name in ZONES[zone]], axis=0)
+    asked = ZONES[one_of(zone, tuple(ZONES), "zone")]
+    if not set(asked) <= set(found):
+        raise BadInput(f"found must answer {', '.join(asked)}, as design.answers does")
+    flags: Flags = np.all([holds(name, found[name]) for name in asked], axis=0)
     return flags
 
 
@@ -125,13 +133,14 @@ def slack(zone: str, found: Mapping[str, Lengths]) -> Array:
     return least
 
 
-def printed(d: Designs) -> dict[str, Flags]:
+@checked
+def evaluate_printed_zones(d: Designs) -> dict[str, Flags]:
     """The zones as [S0] prints them: Z_a (44), Z_wac (45), Z_I1 to Z_III (56)-(70), their intersections Z and Z_wps.
 
     Read with every b outside a posture whose square root is not real. See `errata` for what is missing.
     """
     found = {"a": d.b < d.l1 + d.l2eq + d.s1g, "wac": d.b < -d.l1 + d.l2eq + d.s1g}
-    for name, seat in seats(d).items():
+    for name, seat in find_seats(d).items():
         if not name.startswith("C1"):
             half = np.sqrt(np.maximum(d.l1**2 - seat.height**2, 0.0))
             found[name] = ~((d.b > seat.centre - half) & (d.b < seat.centre + half))

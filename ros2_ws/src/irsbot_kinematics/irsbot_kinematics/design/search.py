@@ -8,15 +8,17 @@ from math import radians
 
 import numpy as np
 
-from irsbot_kinematics.arithmetic import Array
+from irsbot_kinematics.analysis.rectangle import Limits, Rectangle, largest_rectangle
+from irsbot_kinematics.arguments import check_fields, checked
 from irsbot_kinematics.design import proximal
-from irsbot_kinematics.design.designs import PARAMETERS, Designs
-from irsbot_kinematics.design.rectangle import Limits, Rectangle, largest_rectangle
 from irsbot_kinematics.errors import BadInput, KinematicsError
-from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2, Irsbot2Geometry
+from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2
+from irsbot_kinematics.mechanisms.irsbot2_space.designs import PARAMETERS, Designs
+from irsbot_kinematics.mechanisms.irsbot2_space.geometry import Irsbot2Geometry
+from irsbot_kinematics.numerics.arithmetic import Array
 
 VARIABLES = ("l1", "b", "p", "a1", "a2", "beta")
-"""What is searched; l2eq is what l1 leaves of the size."""
+"""Variables of the search; l2eq is the rest of the size after l1."""
 RANGES: Mapping[str, tuple[float, float]] = {
     "l1": (0.05, 0.45),
     "b": (0.05, 0.60),
@@ -25,25 +27,25 @@ RANGES: Mapping[str, tuple[float, float]] = {
     "a2": (0.02, 0.10),
     "beta": (radians(10.0), radians(60.0)),
 }
-"""Default bounds: lengths per metre of size, beta in rad. They keep the platform, the elbows and the base buildable:
-without them ever longer elbows win."""
+"""Default bounds: lengths per metre of size, beta in rad. They keep the platform, the elbows and the base feasible;
+without them the search prefers ever longer elbows."""
 _COARSE, _FINE = (40, 120), (400, 800)
 """Grid cells of the rectangle while searching, and for the result. The coarse grid hides differences of a few per
 cent, and so do different seeds."""
 
 
 class NoDesign(KinematicsError):
-    """A search that found nothing."""
+    """A search without result."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """What to search for."""
+    """A search problem."""
 
     size: float = 1.0
     """m: l1 + l2eq, the length of a stretched leg."""
     slack: float = 0.002
-    """m by which every inequality of the zone has to hold: room for tolerances of the lengths."""
+    """m by which every inequality of the zone has to hold: reserve for tolerances of the lengths."""
     zone: str = "strict"
     limits: Limits = field(default_factory=Limits)
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=lambda: dict(RANGES))
@@ -54,6 +56,7 @@ class Task:
     generations: int = 80
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if set(self.ranges) != set(VARIABLES):
             raise BadInput(f"a search needs ranges of {', '.join(VARIABLES)}, got {', '.join(self.ranges)}")
         if not self.size > 0.0:
@@ -76,6 +79,7 @@ class Found:
     """m: smallest slack of the zone's inequalities."""
 
 
+@checked
 def search(task: Task, progress: Callable[[int, float], None] | None = None) -> Found:
     """Differential evolution over VARIABLES, scipy's: a heuristic, the same for the same seed.
 
@@ -118,9 +122,9 @@ def search(task: Task, progress: Callable[[int, float], None] | None = None) -> 
 
 
 def judge(geometry: Irsbot2Geometry, task: Task) -> Found:
-    """What a search says of a given design: rectangle on the fine grid, and slack in the zone."""
+    """Result of a search for a given design: rectangle on the fine grid, and slack in the zone."""
     rectangle = largest_rectangle(Irsbot2(geometry), task.limits, cells=_FINE)
-    slack = proximal.slack(task.zone, proximal.answers(Designs.of(geometry)))
+    slack = proximal.slack(task.zone, proximal.evaluate_questions(Designs.of(geometry)))
     return Found(geometry, rectangle, float(slack[0]))
 
 
@@ -130,7 +134,7 @@ def _costs(task: Task, X: Array) -> Array:
     d = Designs.columns(columns)
     valid = d.valid
     slack = np.full(valid.shape, -1.0)
-    slack[valid] = proximal.slack(task.zone, proximal.answers(d.where(valid)))
+    slack[valid] = proximal.slack(task.zone, proximal.evaluate_questions(d.where(valid)))
     cost = (task.slack - slack) / task.size
     for i in np.flatnonzero(slack >= task.slack):
         robot = Irsbot2(_geometry(task, X[:, i]))

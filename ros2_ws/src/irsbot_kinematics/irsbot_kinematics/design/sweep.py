@@ -10,14 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from irsbot_kinematics.arithmetic import Array
-from irsbot_kinematics.design import distal, proximal
-from irsbot_kinematics.design.designs import PARAMETERS, Designs, Flags
+from irsbot_kinematics.arguments import check_fields, checked, instance
+from irsbot_kinematics.design import proximal
 from irsbot_kinematics.design.proximal import QUESTIONS, ZONES
 from irsbot_kinematics.errors import BadInput
+from irsbot_kinematics.mechanisms.irsbot2_space import distal
+from irsbot_kinematics.mechanisms.irsbot2_space.designs import PARAMETERS, Designs, Flags
+from irsbot_kinematics.numerics.arithmetic import Array
 
 CHUNK = 50_000
-"""Designs computed at once: some tens of megabytes, and no faster with more."""
+"""Number of designs computed together: some tens of megabytes; larger chunks are no faster."""
 COUNTS = tuple(f"n_{kind.value}" for kind in distal.Kind)
 Column = NDArray[Any]
 Columns = dict[str, Column]
@@ -33,6 +35,7 @@ class Range:
     """Values on a grid, ends included; not used by a hypercube."""
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if not (np.isfinite(self.low) and np.isfinite(self.high) and self.low <= self.high):
             raise BadInput(f"a range must satisfy low <= high, got {self.low:.9g} against {self.high:.9g}")
         if not self.steps >= 1:
@@ -41,7 +44,7 @@ class Range:
 
 @dataclass(frozen=True)
 class Plan:
-    """Which designs to judge."""
+    """The designs to judge."""
 
     ranges: Mapping[str, Range]
     """One for each of PARAMETERS."""
@@ -50,8 +53,11 @@ class Plan:
     seed: int = 0
 
     def __post_init__(self) -> None:
+        check_fields(self)
         if set(self.ranges) != set(PARAMETERS):
-            raise BadInput(f"a sweep needs ranges of {', '.join(PARAMETERS)}, got {', '.join(self.ranges)}")
+            raise BadInput(f"a sweep needs ranges of {', '.join(PARAMETERS)}, got {', '.join(map(str, self.ranges))}")
+        for name, values in self.ranges.items():
+            instance(values, name, Range, "a Range")
         if self.samples is not None and not self.samples >= 1:
             raise BadInput(f"a sweep must satisfy samples >= 1, got {self.samples}")
 
@@ -60,7 +66,7 @@ class Plan:
 
 
 def designs(plan: Plan, chunk: int = CHUNK) -> Iterator[Designs]:
-    """The designs of a plan, at most `chunk` at a time; nothing larger is ever in memory.
+    """The designs of a plan, at most `chunk` at a time, so that memory is bounded.
 
     Random designs are stratified within each chunk: every chunk is a Latin hypercube of its own.
     """
@@ -82,6 +88,7 @@ def _grid(ranges: Sequence[Range], start: int, count: int) -> list[Array]:
     return [np.linspace(r.low, r.high, r.steps)[place] for r, place in zip(ranges, places, strict=True)]
 
 
+@checked
 def judge(d: Designs) -> Columns:
     """The table of a sweep: parameters, validity, b0, posture counts, slack of every question, zones.
 
@@ -90,7 +97,7 @@ def judge(d: Designs) -> Columns:
     """
     valid = d.valid
     chosen = d.where(valid)
-    found = proximal.answers(chosen)
+    found = proximal.evaluate_questions(chosen)
     table: Columns = {name: getattr(d, name) for name in PARAMETERS}
     table["valid"] = valid
     table["b0"] = _spread(valid, chosen.b0, np.nan)
@@ -104,6 +111,7 @@ def judge(d: Designs) -> Columns:
     return table
 
 
+@checked
 def sweep(plan: Plan, chunk: int = CHUNK) -> Iterator[Columns]:
     """The judged designs of a plan, chunk by chunk, in order."""
     return map(judge, designs(plan, chunk))

@@ -8,7 +8,8 @@ from irsbot_kinematics.mechanism import Mechanism
 from irsbot_kinematics.mechanisms.delta_family import DeltaGeometry
 from irsbot_kinematics.mechanisms.five_bar import FiveBar, FiveBarGeometry
 from irsbot_kinematics.mechanisms.hybridglide import Hybridglide
-from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2, Irsbot2Geometry
+from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2
+from irsbot_kinematics.mechanisms.irsbot2_space.geometry import Irsbot2Geometry
 from irsbot_kinematics.mechanisms.linear_delta import LinearDelta, LinearDeltaGeometry
 from irsbot_kinematics.mechanisms.orthoglide import Orthoglide
 from irsbot_kinematics.mechanisms.rails2 import Rails2, Rails2Geometry
@@ -22,7 +23,7 @@ from irsbot_kinematics.mechanisms.uranesx import UraneSX
 
 
 class Topology(NamedTuple):
-    """How to make a mechanism: `mechanism(geometry(**lengths))`."""
+    """The parts of a mechanism: `mechanism(geometry(**lengths))` makes one."""
 
     geometry: Any
     mechanism: type[Mechanism]

@@ -1,16 +1,16 @@
-"""Platforms that turn and have several assemblies without a closed form: all of them, and one of them followed.
+"""Turning platforms whose assembly modes have no closed form: all assembly modes, and following of one branch.
 
-Such a platform has up to six turns for one joint position. All assemblies come from a polynomial; between neighbours
-the branch is followed. Labels of these branches cannot hold everywhere, because two branches may be joined by a motion
-that meets no singularity: a label is the sign of det A and a rank among the poses of that sign, the least turned one
-first.
+Such a platform has up to six turns for one joint position. All assembly modes come from a polynomial; between
+neighbouring joint positions the branch is followed. Labels are not invariant along these branches, because a motion
+that meets no singularity can join two branches: a label is the sign of det A and a rank among the poses of that sign,
+ordered by the size of the turn.
 """
 
 from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from math import cos, hypot, inf, isfinite, nan, pi, remainder, sin, tau
+from math import cos, hypot, inf, nan, pi, remainder, sin, tau
 from operator import add, le, lt, mul, neg, sub
 from typing import Any, ClassVar, NamedTuple
 
@@ -18,17 +18,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from irsbot_kinematics import statics
-from irsbot_kinematics.arithmetic import ARRAYS, FLOATS, Arithmetic, Array, N
-from irsbot_kinematics.assemblies import SAMPLED_TURNS, trigonometric_roots
-from irsbot_kinematics.mechanism import Coordinate, Cuspidal, Floats, Legs, Posture, Status, sign_of
+from irsbot_kinematics.mechanism import Coordinate, Cuspidal, Floats, Legs, Posture, Status, meant, sign_of
 from irsbot_kinematics.mechanisms.turning_platform import Travel, TurningPlatform
+from irsbot_kinematics.numerics.arithmetic import ARRAYS, FLOATS, Arithmetic, Array, N
+from irsbot_kinematics.numerics.assembly_roots import SAMPLED_TURNS, trigonometric_roots
+from irsbot_kinematics.numerics.tolerances import CLOSURE_TOL_M, FOLLOWED_TOL_M, SAME_POSE_TOL, UNREAL_TOL, VANISHED_TOL
 from irsbot_kinematics.skeleton import Vector
-from irsbot_kinematics.tolerances import CLOSURE_TOL_M, FOLLOWED_TOL_M, SAME_POSE_TOL, UNREAL_TOL, VANISHED_TOL
 
 Point = tuple[float, float]
 BY_A_LOOP = Cuspidal(
     "yes",
-    "a certified loop about a cusp changes the assembly mode (irsbot_kinematics.loops); follow the branch",
+    "a certified loop about a cusp changes the assembly mode (irsbot_kinematics.analysis.loops); follow the branch",
     True,
 )
 TINY = 1e-200
@@ -37,19 +37,21 @@ own. The margins, or the closure, then say so."""
 POLISH = 3
 """Newton steps on every root of the polynomial: they start closer than 1e-4 and double the digits each time."""
 NEAR = 0.01
-"""1: a candidate that misses by more than this, over the size of the robot, is no root that rounding has displaced."""
+"""1: a candidate with a larger error, over the size of the robot, is not a root displaced by rounding."""
 FOLLOW = 4
-"""Steps at most with the neighbour's screws, and Newton steps at most after them."""
+"""Number of steps with the neighbour's screws, and of Newton steps after them, at most."""
 FIXED = 4
-"""Steps towards the smallest box that its own right sides leave inside."""
+"""Steps towards the smallest box that contains the image of its own right sides."""
 WIDER = 1.1
-"""1: how many times wider than its right sides the next box is."""
+"""1: factor of the next box over its right sides."""
 HALVINGS = 6
-"""How often the way from a neighbour is halved before the branch counts as lost."""
+"""How often the path from a neighbour is halved before the branch counts as lost."""
 TURN_DIGITS = 9
-"""Digits behind the point, rad, to which turns are compared in size: symmetric machines turn alike to both sides."""
+"""Digits after the point, rad, to which sizes of turns are compared: symmetric machines turn by the same angle to both
+sides."""
 MISSED_M = 1e-6
-"""m: least closure error said of a label that has no pose; candidates that nearly close may belong to other labels."""
+"""m: least reported closure error of a label without a pose; candidates that nearly close may belong to other
+labels."""
 
 
 class Poses(NamedTuple):
@@ -60,25 +62,30 @@ class Poses(NamedTuple):
     det: Array
     """(N, M) determinant of A, m."""
     valid: NDArray[np.bool_]
-    """(N, M) whether the candidate closes and is not a copy of another one."""
+    """(N, M) True if the candidate closes and is not a copy of another one."""
     miss: Array
     """(N,) m: smallest closure error of the candidates that do not close; infinite if all do."""
     known: NDArray[np.bool_]
-    """(N,) whether the joints determine the pose at all."""
+    """(N,) True if the joints determine the pose."""
 
 
 class BranchedPlatform(TurningPlatform):
-    """All assemblies and the branch between them; the legs themselves are in the subclasses."""
+    """All assembly modes and the branch between them; the legs are in the subclasses."""
 
-    labels_hold: ClassVar[bool] = False
+    label_is_invariant: ClassVar[bool] = False
     corners: tuple[Point, ...]
-    """B_i seen from the platform point when the platform is not turned, m."""
+    """B_i relative to the platform point for turn 0, m."""
+    size_m: float
+    """m: approximate size of the robot; polynomials and closure errors are divided by it."""
 
     def __init__(self, corners: Sequence[Point], joints: Sequence[Coordinate], size_m: float) -> None:
-        """size_m: about the size of the robot, m."""
-        self.corners, self.joints, self._size = tuple(corners), tuple(joints), size_m
+        """corners: B_i seen from the platform point, m; joints: of every leg; size_m: about the size of the robot, m.
+
+        Sets `radius`, `diameter`, `length_m` and `task`: x, y and phi, or x, y, z and phi for four joints.
+        """
+        self.corners, self.joints, self.size_m = tuple(corners), tuple(joints), size_m
         self.radius = self.length_m = max(hypot(*corner) for corner in corners)
-        self.span = max(hypot(a[0] - b[0], a[1] - b[1]) for a in corners for b in corners)
+        self.diameter = max(hypot(a[0] - b[0], a[1] - b[1]) for a in corners for b in corners)
         names = ("x", "y", "phi") if len(self.joints) == 3 else ("x", "y", "z", "phi")
         self.task = tuple(Coordinate(name, "rad" if name == "phi" else "m", -inf, inf) for name in names)
 
@@ -93,14 +100,14 @@ class BranchedPlatform(TurningPlatform):
 
     @abstractmethod
     def closing(self, joints: Sequence[Array], cosine: Array, sine: Array) -> Array:
-        """What has to vanish at the turn of the platform, without unit: a trigonometric polynomial of degree 3."""
+        """Closing equation in the turn of the platform, without unit: a trigonometric polynomial of degree 3."""
 
     @abstractmethod
     def candidates(self, joints: Sequence[Array], turn: Array) -> tuple[Array, ...]:
         """Poses with given turns (N, 6): coordinates (N, M)."""
 
     def ends(self, joints: Sequence[Array], cosine: Array, sine: Array) -> list[tuple[Array, Array]]:
-        """R b_i - C_i, horizontally, m: what P has to be added to for the rod."""
+        """R b_i - C_i, horizontally, m: added to P, it gives the rod."""
         return [
             (cosine * bx - sine * by - cx, sine * bx + cosine * by - cy)
             for (cx, cy, _), (bx, by) in zip(self.rods(ARRAYS, joints), self.corners, strict=True)
@@ -125,11 +132,12 @@ class BranchedPlatform(TurningPlatform):
         there, column = chosen.any(axis=1), np.argmax(chosen, axis=1)[:, None]
         pose = tuple([np.take_along_axis(c, column, axis=1)[:, 0] for c in poses.pose])
         det = np.abs(np.take_along_axis(poses.det, column, axis=1)[:, 0])
-        gap = np.where(there, det, np.where(poses.known, -np.clip(poses.miss, MISSED_M, self._size), 0.0))
-        return pose, (gap, np.where(poses.known, self._size, 0.0))
+        gap = np.where(there, det, np.where(poses.known, -np.clip(poses.miss, MISSED_M, self.size_m), 0.0))
+        return pose, (gap, np.where(poses.known, self.size_m, 0.0))
 
     def assemblies(self, joints: Sequence[Array]) -> Poses:
-        """All poses of joint positions, each (N,), the least turned one first; of two turned alike the negative one."""
+        """All poses of joint positions, each (N,), ordered by the size of the turn; of two equal sizes the negative one
+        first."""
         with np.errstate(all="ignore"):  # candidates that do not close may divide by zero; they are not valid
             return self._assemblies(joints)
 
@@ -147,7 +155,7 @@ class BranchedPlatform(TurningPlatform):
         legs = self.legs(ARRAYS, repeated, pose)
         left = np.max(np.abs(legs.closure), axis=0)
         miss = np.take_along_axis(miss, order, axis=1)
-        valid = (left <= CLOSURE_TOL_M) & (miss <= NEAR * self._size) & known[:, None]
+        valid = (left <= CLOSURE_TOL_M) & (miss <= NEAR * self.size_m) & known[:, None]
         real = np.tile(unreal <= UNREAL_TOL, (1, pose[0].shape[1] // unreal.shape[1]))
         valid &= np.take_along_axis(real, order, axis=1)
         valid &= ~_copies(pose, valid, left)
@@ -183,7 +191,7 @@ class BranchedPlatform(TurningPlatform):
         if previous.status != Status.SOLVED:
             return self.posture(joints, previous.assembly_mode or self.usual_assembly_mode)
         asked = tuple(joints)
-        if not all(map(isfinite, asked)):
+        if not meant(asked):
             return super().posture(asked, previous.assembly_mode)
         pairs = zip(asked, previous.joints, strict=True)
         goal = tuple([q if abs(q - p) <= pi else p + remainder(q - p, tau) for q, p in pairs])
@@ -197,7 +205,7 @@ class BranchedPlatform(TurningPlatform):
             elif length > 0.5**HALVINGS:
                 length *= 0.5
             else:
-                return self._undetermined(Status.SINGULAR, asked, (0.0, self._size))
+                return self._undetermined(Status.SINGULAR, asked, (0.0, self.size_m))
         return at if goal == asked else at._replace(joints=asked)
 
     def _follow(self, joints: Floats, at: Posture) -> Posture | None:
@@ -244,29 +252,26 @@ class BranchedPlatform(TurningPlatform):
         that the derivative of phi at w, applied to 2 w, is at most phi(2 w): where that is below 2 w the right sides
         contract in the box, and A^-1 times the matrix there differs from 1 by less than 1.
         """
-        drives, path, rod = asked
+        drives, _path, rod = asked
         if not (abs(det) > 0.0 and rod > 0.0):
             return None
-        speeds = [[hypot(vx - w * ay, vy + w * ax, *vz) / abs(det) for vx, vy, *vz, w in columns] for ax, ay in at.arms]
+        speeds = [
+            [hypot(vx - w * ay, vy + w * ax, *vz) / abs(det) for vx, vy, *vz, w in columns] for ax, ay in at.attachments
+        ]
         turns = [abs(column[-1] / det) for column in columns]
-
-        def phi(z: Sequence[float]) -> list[float]:
-            *ends, t = z
-            bend = 0.5 * self.radius * t * t
-            moved = [e + bend + path for e in ends]
-            b = [drive + a * a / (2.0 * rod) + bend for drive, a in zip(drives, moved, strict=True)]
-            return [*[sum(map(mul, row, b)) for row in speeds], sum(map(mul, turns, b))]
-
+        rows, radius = [*speeds, turns], self.radius
         w = [0.0] * (len(drives) + 1)
         for _ in range(FIXED):
-            w = [WIDER * value for value in phi(w)]
+            w = [WIDER * value for value in _right_sides(asked, radius, rows, w)]
         twice = [2.0 * value for value in w]
-        if not all(map(le, phi(w), w)) or not all(map(lt, phi(twice), twice)):
+        if not all(map(le, _right_sides(asked, radius, rows, w), w)):
             return None
-        return [(cx, cy, e) for (cx, cy), e in zip(at.arms, w, strict=False)], w[-1]
+        if not all(map(lt, _right_sides(asked, radius, rows, twice), twice)):
+            return None
+        return [(cx, cy, e) for (cx, cy), e in zip(at.attachments, w, strict=False)], w[-1]
 
     def _misfit(self, rods: Sequence[tuple[float, float, float]], pose: Floats) -> list[float]:
-        """rod - |C_iB_i|, m."""
+        """rod length - |C_iB_i|, m."""
         x, y, *z, phi = pose
         c, s = cos(phi), sin(phi)
         return [
@@ -281,22 +286,24 @@ class BranchedPlatform(TurningPlatform):
         size = abs(det)
         if len(joints) == 3:
             moves = [hypot(vx, vy) for vx, vy, _ in columns]
-            speeds = [hypot(vx - w * ay, vy + w * ax) for (vx, vy, w), (ax, ay) in zip(columns, legs.arms, strict=True)]
+            speeds = [
+                hypot(vx - w * ay, vy + w * ax) for (vx, vy, w), (ax, ay) in zip(columns, legs.attachments, strict=True)
+            ]
         else:
             moves = [hypot(vx, vy, vz) for vx, vy, vz, _ in columns]
             speeds = [
                 hypot(vx - w * ay, vy + w * ax, vz)
-                for (vx, vy, vz, w), (ax, ay) in zip(columns, legs.arms, strict=True)
+                for (vx, vy, vz, w), (ax, ay) in zip(columns, legs.attachments, strict=True)
             ]
         return Posture(
             Status.SOLVED,
             joints,
             pose,
-            tuple([sign_of(sine) for sine in legs.sines]),
+            tuple([sign_of(sine) for sine in legs.normalised_levers]),
             assembly,
             legs.screws,
             legs.levers,
-            legs.sines,
+            legs.normalised_levers,
             legs.reach,
             (size, gaps[1]),
             tuple([FLOATS.ratio(size, speed) for speed in speeds]),
@@ -304,14 +311,24 @@ class BranchedPlatform(TurningPlatform):
             nan if legs.constraint is None else legs.constraint,
             legs.limb,
             max(map(abs, legs.closure)),
-            legs.arms,
+            legs.attachments,
             (*moves, *[abs(column[-1]) for column in columns], *legs.closure),
         )
 
 
+def _right_sides(asked: Travel, radius: float, rows: Sequence[Sequence[float]], z: Sequence[float]) -> list[float]:
+    """phi(z) of `_held`. rows: U, and below it how far the platform turns when one leg yields."""
+    drives, path, rod = asked
+    *ends, t = z
+    bend = 0.5 * radius * t * t
+    moved = [e + bend + path for e in ends]
+    b = [drive + a * a / (2.0 * rod) + bend for drive, a in zip(drives, moved, strict=True)]
+    return [sum(map(mul, row, b), 0.0) for row in rows]
+
+
 def _copies(pose: Sequence[Array], valid: NDArray[np.bool_], left: Array) -> NDArray[np.bool_]:
-    """(N, M) candidates that another one gives too, as the two of an almost double root may, and closes better, or
-    as well and earlier. left: (N, M) closure errors."""
+    """(N, M) True for candidates that another one repeats (as near a double root) and closes better, or equally well
+    and earlier. left: (N, M) closure errors."""
     apart = np.max([np.abs(column[:, :, None] - column[:, None, :]) for column in pose], axis=0)
     place = np.argsort(np.argsort(left, axis=1, kind="stable"), axis=1)
     better = place[:, None, :] < place[:, :, None]

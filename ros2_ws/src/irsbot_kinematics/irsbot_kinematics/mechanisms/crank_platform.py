@@ -11,13 +11,13 @@ from math import cos, hypot, inf, sin, sqrt
 
 import numpy as np
 
-from irsbot_kinematics.arithmetic import Arithmetic, N
-from irsbot_kinematics.boxes import Reached, Rod
-from irsbot_kinematics.guarantees import EXACT, Errors, lowered
+from irsbot_kinematics.bounds.boxes import Reached, Rod
+from irsbot_kinematics.bounds.displacement import EXACT, Errors, lowered
+from irsbot_kinematics.bounds.quadratics import Quadratic
 from irsbot_kinematics.mechanism import Coordinate, Floats, Posture, Signs
 from irsbot_kinematics.mechanisms.branched_platform import BranchedPlatform, Point
 from irsbot_kinematics.mechanisms.turning_platform import Travel
-from irsbot_kinematics.quadratics import Quadratic
+from irsbot_kinematics.numerics.arithmetic import Arithmetic, N
 from irsbot_kinematics.skeleton import BASE, Link, Z
 
 
@@ -37,7 +37,7 @@ class CrankPlatform(BranchedPlatform):
 
     # --- description -----------------------------------------------------------------------------------------------
 
-    def arms(self) -> list[Link]:
+    def attachments(self) -> list[Link]:
         """The cranks as links."""
         return [
             Link(f"arm_{leg}", joint.name, BASE, (x, y, 0.0), Z, shape=((self.crank, 0.0, 0.0),))
@@ -58,10 +58,10 @@ class CrankPlatform(BranchedPlatform):
             X, Y = x + c * bx - s * by - fx, y + s * bx + c * by - fy
             r = k.hypot(X, Y)
             near, far = k.hypot(r - self.crank, z), k.hypot(r + self.crank, z)
-            area = k.root((far - self.rod) * (far + self.rod) * (self.rod - near) * (self.rod + near))
+            area = k.safe_sqrt((far - self.rod) * (far + self.rod) * (self.rod - near) * (self.rod + near))
             along = r * r + z * z + (self.crank - self.rod) * (self.crank + self.rod)
             joints.append(k.wrap(k.atan2(Y, X) + w * k.atan2(area, along)))
-            reach.append(k.least(self.rod - near, far - self.rod))
+            reach.append(k.minimum(self.rod - near, far - self.rod))
         return tuple(joints), tuple(reach)
 
     def rods(self, k: Arithmetic[N], joints: Sequence[N]) -> Sequence[tuple[N, N, float]]:
@@ -107,8 +107,8 @@ class CrankPlatform(BranchedPlatform):
         cranks[1 + each, :, each] = np.array([h * x, -h * y]).T
         cranks[1 + n + each, :, each] = (-0.5 * h * h * cranks[0]).T
         products = met.rods[:2] * Quadratic(t, cranks, np.array([rest, rest]))
-        sines = (products[0] - products[1]).times(np.sign(at.sines))
-        return tuple(np.maximum(sines.least() / met.longest, 0.0).tolist())
+        normalised_levers = (products[0] - products[1]).times(np.sign(at.normalised_levers))
+        return tuple(np.maximum(normalised_levers.least() / met.longest, 0.0).tolist())
 
     def sine_floors(self, at: Posture, travel: Sequence[float], turn_rad: float, slack_m: float = 0.0) -> Floats:
         """The sine is |elevation| of the rod over the upright plane through its crank: both turn by bounded angles."""
@@ -123,7 +123,7 @@ class CrankPlatform(BranchedPlatform):
         l1, l2 = self.crank, self.rod
         z = at.pose[2] if len(at.pose) == 4 else 0.0
         least = inf
-        for (ax, ay), (fx, fy) in zip(at.arms, self.feet, strict=True):
+        for (ax, ay), (fx, fy) in zip(at.attachments, self.feet, strict=True):
             r = hypot(at.pose[0] + ax - fx, at.pose[1] + ay - fy)
             near, far = hypot(r - l1, z) + ball, hypot(r + l1, z) - ball
             least = min(least, (far - l2) * (far + l2) * (l2 - near) * (l2 + near))

@@ -1,27 +1,26 @@
 """Linear Delta robots: three slides on straight rails, three rods of one length, a platform that only translates.
 
 Slide C_i = o_i + rho_i u_i, rod from C_i to the platform point P, |P - C_i| = L. Orthoglide, Hybridglide, Triaglide
-and UraneSX of [S4] differ in the rails alone. Source: [S4] (3)-(9) with the corrections listed in docs/sources.md.
+and UraneSX of [S4] differ in the rails alone. Source: [S4] (3)-(9) with the corrections listed in
+docs/explanation/sources.md.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from math import asin, inf, isfinite, nan, sin, sqrt
+from math import asin, inf, nan, sin, sqrt
 from operator import sub
 from typing import NamedTuple
 
 from irsbot_kinematics import statics
-from irsbot_kinematics.arithmetic import FLOATS, Arithmetic, N
-from irsbot_kinematics.boxes import Rod, distances, reached
-from irsbot_kinematics.geometry import require, require_finite, require_size
-from irsbot_kinematics.guarantees import EXACT, Errors, displacement, least_cosine, level_after
+from irsbot_kinematics.bounds.boxes import Rod, distances, reached
+from irsbot_kinematics.bounds.displacement import EXACT, Errors, displacement, least_cosine, level_after
 from irsbot_kinematics.mechanism import (
+    CertifiedBounds,
     Coordinate,
     Cuspidal,
     Floats,
-    Guarantee,
     Legs,
     Mechanism,
     Posture,
@@ -29,18 +28,21 @@ from irsbot_kinematics.mechanism import (
     Status,
     sign_of,
 )
+from irsbot_kinematics.mechanisms.geometry_checks import require, require_finite, require_size
+from irsbot_kinematics.numerics.arithmetic import FLOATS, Arithmetic, N
+from irsbot_kinematics.numerics.tolerances import CLOSURE_TOL_M, COINCIDENT_TOL_M, FARTHEST
 from irsbot_kinematics.skeleton import BASE, HERE, Cut, Link, Skeleton, Vector, added, cross, dot, scaled
 from irsbot_kinematics.skeleton import Rod as Bar
-from irsbot_kinematics.tolerances import CLOSURE_TOL_M, COINCIDENT_TOL_M
 
 CLEARANCE_BALL = 0.9
-"""1: share of the smallest reach in which the clearance from Type 2 is looked for."""
+"""1: share of the smallest reach within which the clearance from Type 2 is searched."""
 _TINY = 1e-200
-"""m, m^2 or m^4: keeps a quotient defined where slides coincide or stand in line; the gaps then say so."""
+"""m, m^2 or m^4: keeps a quotient defined if slides coincide or are in line; the assembly clearances then mark the
+result as invalid."""
 
 
 class Rail(NamedTuple):
-    """Where a slide stands at rho = 0 (m), and the unit vector along which it moves."""
+    """A rail: the slide's place at rho = 0 (m), and the unit vector along which it moves."""
 
     origin: Vector
     direction: Vector
@@ -85,7 +87,7 @@ class DeltaFamily(Mechanism):
         self.assembly_modes = (-1, 1)
         self.usual_working_mode = (1, 1, 1)
         self.usual_assembly_mode = -1
-        self._nothing = Guarantee((0.0, 0.0, 0.0), 0.0, nan, (0.0, 0.0, 0.0)[: self.limb_count])
+        self._nothing = CertifiedBounds((0.0, 0.0, 0.0), 0.0, nan, (0.0, 0.0, 0.0)[: self.limb_count])
 
     # --- equations, floats or arrays -------------------------------------------------------------------------
 
@@ -97,8 +99,8 @@ class DeltaFamily(Mechanism):
             dx, dy, dz = x - ox, y - oy, z - oz
             along = dx * ux + dy * uy + dz * uz
             cx, cy, cz = dy * uz - dz * uy, dz * ux - dx * uz, dx * uy - dy * ux
-            across = k.root(cx * cx + cy * cy + cz * cz)
-            joints.append(along + sign * k.root((self.rod - across) * (self.rod + across)))
+            across = k.safe_sqrt(cx * cx + cy * cy + cz * cz)
+            joints.append(along + sign * k.safe_sqrt((self.rod - across) * (self.rod + across)))
             reach.append(self.rod - across)
         return tuple(joints), tuple(reach)
 
@@ -121,7 +123,7 @@ class DeltaFamily(Mechanism):
         per_nn = 1.0 / (nn + _TINY)
         half = 0.5 * per_nn
         vx, vy, vz = gg * ex - ee * gx, gg * ey - ee * gy, gg * ez - ee * gz
-        up = assembly * k.root((L * L - 0.5 * half * product) * per_nn)
+        up = assembly * k.safe_sqrt((L * L - 0.5 * half * product) * per_nn)
         return (
             x + (ny * vz - nz * vy) * half + up * nx,
             y + (nz * vx - nx * vz) * half + up * ny,
@@ -141,17 +143,17 @@ class DeltaFamily(Mechanism):
         """Rows (P - C_i)/L; levers and sines (rho_i - (P - o_i).u_i)/L: cosine between rod and rail."""
         L = self.rod
         x, y, z = pose
-        screws, sines, reach, closure = [], [], [], []
+        screws, normalised_levers, reach, closure = [], [], [], []
         for (cx, cy, cz), (_, (ux, uy, uz)) in zip(self.slides(joints), self.rails, strict=True):
             rx, ry, rz = (x - cx) / L, (y - cy) / L, (z - cz) / L
             square = rx * rx + ry * ry + rz * rz
             along = rx * ux + ry * uy + rz * uz
             screws.append((rx, ry, rz))
-            sines.append(-along)
-            reach.append(L - L * k.root(square - along * along))
+            normalised_levers.append(-along)
+            reach.append(L - L * k.safe_sqrt(square - along * along))
             closure.append(L * k.sqrt(square) - L)
-        levers = tuple(sines)
-        limb = tuple([k.size(sine) for sine in sines[: self.limb_count]])
+        levers = tuple(normalised_levers)
+        limb = tuple([k.abs(sine) for sine in normalised_levers[: self.limb_count]])
         return Legs(tuple(screws), levers, levers, tuple(reach), tuple(closure), None, limb)
 
     def skeleton(self) -> Skeleton:
@@ -185,9 +187,9 @@ class DeltaFamily(Mechanism):
         return {**angles, **self._rods[0].far(ways[0])}
 
     def posture(self, joints: Sequence[float], assembly: int) -> Posture:
-        """The equations of `direct` and `legs` once more, in one piece for one sample: twice as fast."""
+        """The equations of `direct` and `legs` in one function for one sample: twice as fast."""
         q1, q2, q3 = joints
-        if not isfinite(q1 + q2 + q3):
+        if not abs(q1) + abs(q2) + abs(q3) <= FARTHEST:
             return super().posture(joints, assembly)
         L = self.rod
         (o1x, o1y, o1z), (u1x, u1y, u1z) = self.rails[0]
@@ -225,7 +227,7 @@ class DeltaFamily(Mechanism):
         rx, ry, rz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
         det = ax * px + ay * py + az * pz
         size = abs(det)
-        sines = (s1, s2, s3)
+        normalised_levers = (s1, s2, s3)
         residual = L * max(abs(sqrt(aa) - 1.0), abs(sqrt(bb) - 1.0), abs(sqrt(cc) - 1.0))
         if not residual <= CLOSURE_TOL_M:
             return super().posture(joints, assembly)
@@ -236,8 +238,8 @@ class DeltaFamily(Mechanism):
             (sign_of(s1), sign_of(s2), sign_of(s3)),
             assembly,
             ((ax, ay, az), (bx, by, bz), (cx, cy, cz)),
-            sines,
-            sines,
+            normalised_levers,
+            normalised_levers,
             (
                 L - L * sqrt(max(aa - s1 * s1, 0.0)),
                 L - L * sqrt(max(bb - s2 * s2, 0.0)),
@@ -267,7 +269,7 @@ class DeltaFamily(Mechanism):
 
     # --- guarantees, one sample --------------------------------------------------------------------------------
 
-    def guarantee(self, at: Posture, travel: Sequence[float], slack_m: float = 0.0) -> Guarantee:
+    def certified_bounds(self, at: Posture, travel: Sequence[float], slack_m: float = 0.0) -> CertifiedBounds:
         """The platform moves by at most guarantees.displacement, with |column i of A^-1| = 1/cos alpha_i.
 
         The Type 1 sine of a leg depends on the distance of P from its rail alone. Rod i turns by at most
@@ -285,6 +287,8 @@ class DeltaFamily(Mechanism):
             h1, h2, h3 = t1 + off1.ends, t2 + off2.ends, t3 + off3.ends
             e1, e2, e3 = off1.ends + off1.length, off2.ends + off2.length, off3.ends + off3.length
         if not (size > 0.0 and c1 > 0.0 and c2 > 0.0 and c3 > 0.0):  # rods in one plane, to rounding
+            return self._nothing
+        if not (t1 >= 0.0 and t2 >= 0.0 and t3 >= 0.0 and slack_m >= 0.0):
             return self._nothing
         move = displacement(
             (s1 * t1 + e1 + 0.5 * h1 * h1 / L) / c1
@@ -320,46 +324,46 @@ class DeltaFamily(Mechanism):
             min(self._sine(r2 - a2, slack_m), s2),
             min(self._sine(r3 - a3, slack_m), s3),
         )
-        return Guarantee(type1, type2, nan, type1[: self.limb_count])
+        return CertifiedBounds(type1, type2, nan, type1[: self.limb_count])
 
     def geometry_errors(self, joints: Sequence[float], travel: Sequence[float], slack_m: float) -> list[Errors]:
-        """What a geometry that is off by slack_m does to every leg while its slide is within `travel` of its joint."""
+        """Effect on every leg of geometry errors of slack_m, while its slide is within `travel` of its joint."""
         return [Errors(self._off_rail(q, t, slack_m), slack_m, 0.0) for q, t in zip(joints, travel, strict=True)]
 
     def rail_errors(self, at: Posture, slack_m: float, slid: Sequence[float] = (0.0,) * 3) -> list[float]:
-        """m by which each rail is off where the platform point is nearest to it, and up to `slid` m from there."""
+        """m: error of each rail at its point nearest to the platform point, and up to `slid` m from there."""
         return [
             self._off_rail(q - self.rod * sine, along, slack_m)
-            for q, sine, along in zip(at.joints, at.sines, slid, strict=True)
+            for q, sine, along in zip(at.joints, at.normalised_levers, slid, strict=True)
         ]
 
     def _off_rail(self, q: float, travel: float, slack_m: float) -> float:
-        """m by which a point of a rail is off whose ends are off by sqrt(3) slack_m: no more between the ends, beyond
-        them in proportion to the distance from the middle."""
+        """m: error of a point of a rail whose ends are off by sqrt(3) slack_m: no larger between the ends; beyond them
+        in proportion to the distance from the middle."""
         lower, upper = self.geometry.limits
         beyond = (abs(2.0 * q - lower - upper) + 2.0 * travel) / (upper - lower)
         return sqrt(3.0) * slack_m * max(beyond, 1.0)
 
-    def guarantee_sharp(self, at: Posture, travel: Sequence[float], slack_m: float = 0.0) -> Guarantee:
+    def sharp_bounds(self, at: Posture, travel: Sequence[float], slack_m: float = 0.0) -> CertifiedBounds:
         """boxes.reached; the Type 1 sines from the distances of the platform point from the rails."""
         errors = self.geometry_errors(at.joints, travel, slack_m) if slack_m else (EXACT,) * 3
         rods = [
             Rod(self.rod, (h * ux, h * uy, h * uz), ends, 0.0, length)
             for h, (_, (ux, uy, uz)), (ends, length, _arm) in zip(travel, self.rails, errors, strict=True)
         ]
-        met = reached(at, rods) if min(travel) >= 0.0 else None
+        met = reached(at, rods) if min(travel) >= 0.0 and slack_m >= 0.0 else None
         if met is None:
             return self._nothing
         off_rails: Sequence[float] = (0.0,) * 3
         if slack_m:
-            slid = [sum([abs(_along(move, u)) for move in met.moves]) + met.aside for _, u in self.rails]
+            slid = [sum([abs(_along(move, u)) for move in met.moves], 0.0) + met.aside for _, u in self.rails]
             off_rails = self.rail_errors(at, slack_m, slid)
         type1 = []
         for (o, u), off, sine in zip(self.rails, off_rails, at.type1, strict=True):
             moves = [_across(move, u) for move in met.moves]
             far = distances(_across(map(sub, at.pose, o), u), moves, met.aside + off)[1]
             type1.append(min(self._sine(self.rod - far, slack_m), sine))
-        return Guarantee(tuple(type1), met.type2, nan, tuple(type1[: self.limb_count]))
+        return CertifiedBounds(tuple(type1), met.type2, nan, tuple(type1[: self.limb_count]))
 
     def _sine(self, reach: float, shorter: float = 0.0) -> float:
         """Sine of a leg whose rail is L - reach away from the platform point, and whose rod is `shorter` than L; 0 out
@@ -370,7 +374,7 @@ class DeltaFamily(Mechanism):
     def clearance(self, at: Posture) -> float:
         """Type 1 and limbs: exact, the smallest reach. Type 2: while P stays in a ball, rod i turns by at most
         |move|/(L sine_i) with its smallest sine_i in the ball, because its end runs on a sphere over the plane across
-        the rail; the elevations of `guarantee` fall accordingly. Of two balls the better bound counts."""
+        the rail; the elevations of `certified_bounds` fall accordingly. Of two balls the better bound counts."""
         wide = CLEARANCE_BALL * max(min(at.reach), 0.0)
         bound = self._level_after(at, wide)
         if not bound < wide:
@@ -379,7 +383,7 @@ class DeltaFamily(Mechanism):
         return max(bound, min(ball, self._level_after(at, ball)))
 
     def _level_after(self, at: Posture, ball: float) -> float:
-        """m the platform may move inside the ball before a rod can lie in the plane of the others; 0 if unknown."""
+        """m: motion of the platform inside the ball before a rod can lie in the plane of the others; 0 if unknown."""
         a, b, c = at.reach
         floor1, floor2, floor3 = self._sine(a - ball), self._sine(b - ball), self._sine(c - ball)
         size = abs(at.det) * self.rod

@@ -9,10 +9,11 @@ from dataclasses import dataclass
 from math import nan, sqrt
 from typing import ClassVar
 
-from irsbot_kinematics.arithmetic import Arithmetic, N
-from irsbot_kinematics.geometry import require, require_finite
 from irsbot_kinematics.mechanism import Floats
-from irsbot_kinematics.mechanisms.planar_pair import Loop, PlanarPair
+from irsbot_kinematics.mechanisms.geometry_checks import require, require_finite
+from irsbot_kinematics.mechanisms.planar_loop import Loop
+from irsbot_kinematics.mechanisms.planar_pair import PlanarPair
+from irsbot_kinematics.numerics.arithmetic import Arithmetic, N
 from irsbot_kinematics.skeleton import BASE, HERE, Cut, Link, Skeleton, Y, planar_end
 
 
@@ -48,7 +49,7 @@ class FiveBar(PlanarPair):
         """Empty: the legs are planar, nothing but the plane constrains the platform."""
         return ()
 
-    def constraint_guarantee(self, parts: Floats, turn_rad: float) -> float:
+    def constraint_bound(self, parts: Floats, turn_rad: float) -> float:
         """NaN: there is no constraint margin."""
         return nan
 

@@ -1,92 +1,27 @@
 """IRSBot-2: two translations in a plane with two spatial legs.
 
 Sources: [S1] Germain et al. 2011 for the kinematics, [S0] Germain et al. 2013 for the constraint singularities, both
-with the corrections listed in docs/sources.md. The planar kinematics is that of the equivalent five-bar; the spatial
-legs add the constraint margin.
+with the corrections listed in docs/explanation/sources.md. The planar kinematics is that of the equivalent five-bar;
+the spatial legs add the constraint margin.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
 from math import asin, atan2, cos, hypot, inf, pi, sin, sqrt
 from typing import ClassVar
 
-from irsbot_kinematics.arithmetic import Arithmetic, N
-from irsbot_kinematics.boxes import least_singular
-from irsbot_kinematics.geometry import require, require_finite
+from irsbot_kinematics.bounds.boxes import least_singular
 from irsbot_kinematics.mechanism import Floats, Posture, Signs
-from irsbot_kinematics.mechanisms.planar_pair import Loop, PlanarPair
+from irsbot_kinematics.mechanisms.irsbot2_space.geometry import Irsbot2Geometry
+from irsbot_kinematics.mechanisms.irsbot2_space.singular_postures import reachability, singular_postures
+from irsbot_kinematics.mechanisms.planar_loop import Loop
+from irsbot_kinematics.mechanisms.planar_pair import PlanarPair
+from irsbot_kinematics.numerics.arithmetic import Arithmetic, N
 from irsbot_kinematics.skeleton import BASE, Cut, Link, Rod, Skeleton, Vector, Y, added
-from irsbot_kinematics.tolerances import COINCIDENT_TOL_M
 
 _SMALLEST = 1e-300
-"""m: keeps the normal of a rod defined where its leg vanishes. That takes l2eq = D; nothing is guaranteed then."""
+"""m: keeps the normal of a rod defined if its leg has length 0, which requires l2eq = D; nothing is certified then."""
 ROOT2 = sqrt(2.0)
-
-
-@dataclass(frozen=True)
-class Irsbot2Geometry:
-    """Lengths in metres, angle in radians, names as in [S0] and [S1]."""
-
-    l1: float
-    """Proximal arm."""
-    l2eq: float
-    """Equivalent distal rod."""
-    b: float
-    """Half distance of the motor axes."""
-    p: float
-    """Half platform width."""
-    a1: float
-    """Elbow arm."""
-    a2: float
-    """Platform arm."""
-    beta: float
-    """Inclination of the elbow arms, 0 < beta < pi/2."""
-    e: float = 0.0
-    """How far the elbow frame lies below the end of the proximal arm; any sign."""
-
-    def __post_init__(self) -> None:
-        require_finite(self)
-        for name in ("l1", "l2eq", "b", "p", "a1", "a2"):
-            require(f"{name} > 0", getattr(self, name) > 0.0, getattr(self, name), 0.0)
-        require("a1 > a2", self.a1 > self.a2, self.a1, self.a2)
-        require("beta > 0", self.beta > 0.0, self.beta, 0.0)
-        require("beta < pi/2", self.beta < pi / 2, self.beta, pi / 2)
-        apart = f"|b0| > {COINCIDENT_TOL_M} (b0 = b - p - a1 sin(beta); else the elbows coincide at every q_1 = q_2)"
-        require(apart, abs(self.b0) > COINCIDENT_TOL_M, abs(self.b0), COINCIDENT_TOL_M)
-        limit = self.l1 + self.l2eq
-        require("|b0| <= l1 + l2eq (assembly)", abs(self.b0) <= limit, abs(self.b0), limit)
-
-    @property
-    def b0(self) -> float:
-        """Half base of the equivalent five-bar, m."""
-        return self.b - self.p - self.a1 * sin(self.beta)
-
-    @property
-    def D(self) -> float:
-        """(a1 - a2) sin(beta), m."""
-        return (self.a1 - self.a2) * sin(self.beta)
-
-    @property
-    def mu(self) -> float:
-        """a2 / (a1 - a2)."""
-        return self.a2 / (self.a1 - self.a2)
-
-    @property
-    def ell(self) -> float:
-        """mu l2eq, m."""
-        return self.mu * self.l2eq
-
-    @property
-    def Lc(self) -> float:
-        """Largest distance of the points P_I, P_II, m: makes the constraint moments comparable with forces."""
-        return 2.0 * (self.p + self.ell)
-
-    @property
-    def l2(self) -> float:
-        """Length of each of the four distal rods, m ([S1] (1))."""
-        return sqrt(self.l2eq**2 + ((self.a1 - self.a2) * cos(self.beta)) ** 2)
 
 
 class Irsbot2(PlanarPair):
@@ -99,6 +34,7 @@ class Irsbot2(PlanarPair):
         g = geometry
         super().__init__(Loop(g.b0, g.e, g.l1, g.l2eq))
         self.geometry = geometry
+        self._places: dict[Signs, list[tuple[float, float, float]]] | None = None
         s, c = sin(g.beta), cos(g.beta)
         # Numbers of sheet section 7 that do not depend on the posture.
         self._numbers = (s, c, g.l2eq, g.D, g.ell / g.Lc, 2.0 * g.p / g.Lc)
@@ -125,10 +61,10 @@ class Irsbot2(PlanarPair):
         uv, uw, vw = ux * vz - uz * vx, ux * wz - uz * wx, vx * wz - vz * wx
         det = 4.0 * uv * uv + 2.0 * (uw * uw + vw * vw)
         trace = 2.0 * (ux * ux + uz * uz + vx * vx + vz * vz) + wx * wx + wz * wz
-        sigma_xz = k.sqrt(2.0 * det / (trace + k.root(trace * trace - 4.0 * det)))
+        sigma_xz = k.sqrt(2.0 * det / (trace + k.safe_sqrt(trace * trace - 4.0 * det)))
         return sigma_y, sigma_xz
 
-    def constraint_guarantee(self, parts: Floats, turn_rad: float) -> float:
+    def constraint_bound(self, parts: Floats, turn_rad: float) -> float:
         """Singular values change by no more than the Frobenius norm of the change of the matrix (Weyl); its columns
         are rod normals, which turn by at most a known multiple of the rods' turn, and (y x P_IP_II)/Lc."""
         if not turn_rad < inf:
@@ -161,7 +97,9 @@ class Irsbot2(PlanarPair):
             normals.append((c * x, z, -c * z * slope, x * slope, a, b))
             error = 0.5 * bend * turn * turn + rate * rest
             room += 2.0 * error * error
-        error = reach * sum([0.5 * (abs(a) + abs(b)) ** 2 + rest for (a, b), rest in zip(turns, rests, strict=True)])
+        error = reach * sum(
+            [0.5 * (abs(a) + abs(b)) ** 2 + rest for (a, b), rest in zip(turns, rests, strict=True)], 0.0
+        )
         (ux, uz, dux, duz, u1, u2), (vx, vz, dvx, dvz, v1, v2) = normals
         # P_IP_II.z / Lc and -P_IP_II.x / Lc; a rod (cos, -sin) that turns by t gains t (sin, cos).
         base = ((ROOT2 * ux, ROOT2 * uz), (ROOT2 * vx, ROOT2 * vz), (reach * (m2 - m1), reach * (c1 - c2) - offset))
@@ -194,7 +132,7 @@ class Irsbot2(PlanarPair):
         return Skeleton(tuple(links), drives, tuple(cuts[1:]), self._passive)
 
     def _rods(self, leg: int, sign: float) -> list[tuple[Rod, Vector]]:
-        """Both rods of a leg, seen from its elbow, and where they hold the platform, seen from the platform point."""
+        """Both rods of a leg relative to its elbow, and their attachments relative to the platform point."""
         g = self.geometry
         s, c = sin(g.beta), cos(g.beta)
         found = []
@@ -262,7 +200,8 @@ class Irsbot2(PlanarPair):
         return (at.parts[0] - less_y, at.parts[1] - less_xz, *at.parts[2:])
 
     def clearance(self, at: Posture) -> float:
-        """As for the planar pair, and exact for the constraint singularities: points of the workspace of one mode."""
+        """Clearance of the planar pair, and exact for the constraint singularities: points of the workspace of one
+        mode."""
         nearest = super().clearance(at)
         x, z = at.pose
         for cx, cz, radius in self.constraint_places.get(at.working_mode, ()):
@@ -272,19 +211,25 @@ class Irsbot2(PlanarPair):
         return nearest
 
     def prepare(self) -> None:
-        """The places of the constraint singularities: milliseconds, and an import."""
+        """Compute the places of the constraint singularities: milliseconds, and an import."""
         _ = self.constraint_places
 
-    @cached_property
-    def constraint_places(self) -> dict[Signs, list[tuple[float, float, float]]]:
-        """Per working mode, where a constraint singularity is: circles (x, z, radius) in m, of radius 0 but where the
-        arms can hold the singular posture at every angle."""
-        from irsbot_kinematics.design.postures import reach, singular_postures  # which stands on this module
+    def constraint_points(self, mode: Signs) -> tuple[Floats, ...]:
+        return tuple((x, z) for x, z, radius in self.constraint_places[mode] if radius == 0.0)
 
+    @property
+    def constraint_places(self) -> dict[Signs, list[tuple[float, float, float]]]:
+        """Per working mode, poses of constraint singularities: circles (x, z, radius) in m. The radius is 0 unless the
+        arms can hold the singular posture at every angle."""
+        if self._places is None:
+            self._places = self._found_places()
+        return self._places
+
+    def _found_places(self) -> dict[Signs, list[tuple[float, float, float]]]:
         g = self.geometry
         places: dict[Signs, list[tuple[float, float, float]]] = {mode: [] for mode in self.working_modes}
         for posture in singular_postures(g):
-            held = reach(g, posture)
+            held = reachability(g, posture)
             for placement in held.placements:
                 if placement.working_mode in places:  # else a leg is straight: Type 1 is there too
                     places[placement.working_mode].append((*placement.pose, 0.0))

@@ -1,4 +1,4 @@
-"""Linear Delta robot with rails of one's own: what the family of [S4] has in common."""
+"""Linear Delta robot with user-defined rails: the common part of the family of [S4]."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import ClassVar
 
-from irsbot_kinematics.geometry import require, require_size
 from irsbot_kinematics.mechanisms.delta_family import DeltaFamily, DeltaGeometry, Rail
+from irsbot_kinematics.mechanisms.geometry_checks import require, require_size
 from irsbot_kinematics.skeleton import Vector
 
 

@@ -9,38 +9,27 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from math import acos, asin, atan2, cos, hypot, inf, isfinite, nan, pi, sin, sqrt, tau
-from typing import NamedTuple
+from math import acos, asin, atan2, cos, hypot, inf, nan, sin, sqrt
 
-from irsbot_kinematics.arithmetic import FLOATS, Arithmetic, N
-from irsbot_kinematics.guarantees import EXACT, Errors, lowered
+from irsbot_kinematics.bounds.displacement import EXACT, Errors, lowered
 from irsbot_kinematics.mechanism import (
+    CertifiedBounds,
     Coordinate,
     Cuspidal,
     Floats,
-    Guarantee,
     Legs,
+    Locus,
     Mechanism,
     Posture,
     Signs,
     Status,
     sign_of,
 )
-from irsbot_kinematics.tolerances import COINCIDENT_TOL_M
+from irsbot_kinematics.mechanisms.planar_loop import Arc, Loop, coincident_arcs, loci
+from irsbot_kinematics.numerics.arithmetic import FLOATS, Arithmetic, N
+from irsbot_kinematics.numerics.tolerances import COINCIDENT_TOL_M, FARTHEST
 
 SOLVED = Status.SOLVED
-
-Arc = tuple[float, float, float, float]
-"""Centre x, z (m); start angle, length (rad) of an arc with the radius of the rods."""
-
-
-class Loop(NamedTuple):
-    """Lengths of the planar loop, m. half_base may be negative; drop is how far the cranks start below z = 0."""
-
-    half_base: float
-    drop: float
-    crank: float
-    rod: float
 
 
 class PlanarPair(Mechanism):
@@ -74,20 +63,22 @@ class PlanarPair(Mechanism):
         constrain nothing but the plane."""
 
     @abstractmethod
-    def constraint_guarantee(self, parts: Floats, turn_rad: float) -> float:
-        """Lower bound of the constraint margin while the rods turn by at most turn_rad together; NaN: there is none."""
+    def constraint_bound(self, parts: Floats, turn_rad: float) -> float:
+        """Lower bound of the constraint margin while the rods turn by at most turn_rad together; NaN if there is no
+        constraint margin."""
 
     @abstractmethod
     def foot_error(self, slack_m: float) -> float:
-        """m by which A_k, where the loop sees its crank start, is off if the geometry is off by slack_m."""
+        """m: error of A_k, the start of the crank in the loop, for geometry errors of slack_m."""
 
     def parts_left(self, at: Posture, turn_rad: float, slack_m: float) -> Floats:
-        """`constraint_parts` of a machine whose geometry is off, at rods' directions at most turn_rad together from the
-        posture's: at.parts, less what the errors take at fixed directions."""
+        """`constraint_parts` of a machine with geometry errors, at rod directions at most turn_rad together from the
+        posture's: at.parts minus the loss by the errors at fixed directions."""
         return at.parts
 
     def geometry_errors(self, slack_m: float) -> Errors:
-        """What a geometry that is off by slack_m does to a leg: the crank's length moves the elbow along the crank."""
+        """Effect on a leg of geometry errors of slack_m: an error of the crank's length moves the elbow along the
+        crank."""
         return Errors(self.foot_error(slack_m) + slack_m, slack_m, 0.0)
 
     # --- equations, floats or arrays -------------------------------------------------------------------------
@@ -101,10 +92,10 @@ class PlanarPair(Mechanism):
     def _crank(self, k: Arithmetic[N], X: N, Z: N, w: int) -> tuple[N, N]:
         l1, l2 = self.loop.crank, self.loop.rod
         r = k.hypot(X, Z)
-        area = k.root((l1 + l2 + r) * (l1 + l2 - r) * (r + l1 - l2) * (r - l1 + l2))
+        area = k.safe_sqrt((l1 + l2 + r) * (l1 + l2 - r) * (r + l1 - l2) * (r - l1 + l2))
         # Beyond the boundary area is 0; the numerator's sign then folds or stretches the crank towards the pose.
         q = k.atan2(-Z, X) + w * k.atan2(area, r * r + (l1 - l2) * (l1 + l2))
-        return k.wrap(q), k.least(l1 + l2 - r, r - abs(l1 - l2))
+        return k.wrap(q), k.minimum(l1 + l2 - r, r - abs(l1 - l2))
 
     def direct(self, k: Arithmetic[N], joints: Sequence[N], assembly: int) -> tuple[tuple[N, N], tuple[N, N]]:
         """IRSBot-2 sheet section 4. Gaps: [0] 2 rod - d (rods in line), [1] d (elbows coincide)."""
@@ -115,15 +106,15 @@ class PlanarPair(Mechanism):
         vx, vz = c2x - c1x, c2z - c1z
         d = k.hypot(vx, vz)
         half = 0.5 * d
-        height = assembly * k.root((l2 - half) * (l2 + half))
-        per_d = height / k.most(d, 0.0 * d + COINCIDENT_TOL_M)
+        height = assembly * k.safe_sqrt((l2 - half) * (l2 + half))
+        per_d = height / k.maximum(d, 0.0 * d + COINCIDENT_TOL_M)
         return (0.5 * (c1x + c2x) - per_d * vz, 0.5 * (c1z + c2z) + per_d * vx), (2.0 * l2 - d, d)
 
     def legs(self, k: Arithmetic[N], joints: Sequence[N], pose: Sequence[N]) -> Legs[N]:
         """IRSBot-2 sheet sections 5 and 6: rows r_k, levers l1 sin(q_k - psi_k)."""
         b0, e, l1, l2 = self.loop
         x, z = pose
-        screws, sines, reach, closure = [], [], [], []
+        screws, normalised_levers, reach, closure = [], [], [], []
         far: list[N] = []
         for q, foot in zip(joints, (-b0, b0), strict=True):
             cq, sq = k.cos(q), k.sin(q)
@@ -132,21 +123,23 @@ class PlanarPair(Mechanism):
             error = k.hypot(rx, rz) - l2
             rx, rz = rx / l2, rz / l2  # (cos psi, -sin psi)
             screws.append((rx, rz))
-            sines.append(sq * rx + cq * rz)  # sin(q - psi)
+            normalised_levers.append(sq * rx + cq * rz)  # sin(q - psi)
             r = k.hypot(X, Z)
             far.append(r)
-            reach.append(k.least(l1 + l2 - r, r - abs(l1 - l2)))
+            reach.append(k.minimum(l1 + l2 - r, r - abs(l1 - l2)))
             closure.append(error)
-        levers = tuple([l1 * s for s in sines])
+        levers = tuple([l1 * s for s in normalised_levers])
         constrained: tuple[N, ...] = self.constraint_parts(k, *screws[0], *screws[1])
-        constraint = k.least(*constrained) if constrained else None
+        constraint = k.minimum(*constrained) if constrained else None
         parts = constrained + tuple(far)
-        return Legs(tuple(screws), levers, tuple(sines), tuple(reach), tuple(closure), constraint, (), parts)
+        return Legs(
+            tuple(screws), levers, tuple(normalised_levers), tuple(reach), tuple(closure), constraint, (), parts
+        )
 
     def posture(self, joints: Sequence[float], assembly: int) -> Posture:
-        """The equations of `direct` and `legs` once more, in one piece for one sample: three times as fast."""
+        """The equations of `direct` and `legs` in one function for one sample: three times as fast."""
         q1, q2 = joints
-        if not isfinite(q1 + q2):
+        if not abs(q1) + abs(q2) <= FARTHEST:
             return super().posture(joints, assembly)
         b0, e, l1, l2 = self.loop
         k1, s1, k2, s2 = cos(q1), sin(q1), cos(q2), sin(q2)
@@ -184,12 +177,24 @@ class PlanarPair(Mechanism):
             (slack, d),
             (cosine, cosine),
             det,
-            FLOATS.least(*constrained) if constrained else nan,
+            FLOATS.minimum(*constrained) if constrained else nan,
             (),
             off1 if off1 > off2 else off2,
             (),
             (*constrained, far1, far2),
         )
+
+    def loci(self, mode: Signs) -> tuple[Locus, ...]:
+        return loci(self.loop, mode)
+
+    def workspace_ranges(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        far = self.loop.crank + self.loop.rod
+        side = far - abs(self.loop.half_base)
+        return (-side, side), (-far - self.loop.drop, far - self.loop.drop)
+
+    def symmetric_extent(self) -> tuple[float, float]:
+        far = self.loop.crank + self.loop.rod
+        return far, -far - abs(self.loop.drop)
 
     def rod_angles(self, at: Posture) -> Floats:
         """psi_k, rad: direction of each rod from its elbow to the platform point."""
@@ -207,17 +212,18 @@ class PlanarPair(Mechanism):
 
     # --- guarantees, one sample --------------------------------------------------------------------------------
 
-    def guarantee(self, at: Posture, travel: Sequence[float], slack_m: float = 0.0) -> Guarantee:
+    def certified_bounds(self, at: Posture, travel: Sequence[float], slack_m: float = 0.0) -> CertifiedBounds:
         """Closed-form bounds. The elbow distance d changes by at most the elbows' paths; cos alpha depends on d alone
         and is unimodal; the platform moves by at most the elbows' paths over the smallest cos alpha met; each Type 1
         sine depends on |A_k P| alone and is unimodal; each rod turns by at most (platform + elbow path) / rod."""
         if slack_m:
-            return self._guarantee_if_wrong(at, travel, slack_m)
+            return self._bounds_of_inexact(at, travel, slack_m)
         _b0, _e, l1, l2 = self.loop
-        path = l1 * (travel[0] + travel[1])
+        h1, h2 = travel
+        path = l1 * (h1 + h2)
         d, full, parts = at.gaps[1], 2.0 * l2, at.parts
         low, high = d - path, d + path
-        if not (low > 0.0 and high < full):
+        if not (low > 0.0 and high < full and h1 >= 0.0 and h2 >= 0.0):
             return self._nothing(parts)
         low *= sqrt((full - low) * (full + low))
         high *= sqrt((full - high) * (full + high))
@@ -225,10 +231,10 @@ class PlanarPair(Mechanism):
         apart = path / type2
         middle, span = self._squares
         type1 = [_sine_in(r - apart, r + apart, middle, span) for r in parts[-2:]]
-        constraint = self.constraint_guarantee(parts, (2.0 * apart + path) / l2)  # turn of both rods together
-        return Guarantee(_capped(type1, at.sines), type2, constraint, ())
+        constraint = self.constraint_bound(parts, (2.0 * apart + path) / l2)  # turn of both rods together
+        return CertifiedBounds(_capped(type1, at.normalised_levers), type2, constraint, ())
 
-    def _guarantee_if_wrong(self, at: Posture, travel: Sequence[float], slack_m: float) -> Guarantee:
+    def _bounds_of_inexact(self, at: Posture, travel: Sequence[float], slack_m: float) -> CertifiedBounds:
         """The same for a geometry that is off. Its errors are further paths of the elbows; a rod that grows moves the
         platform as an elbow does that moves along it. A_k P is then seen from a displaced A_k, in a triangle of other
         sides. The triangle of elbows and platform, too, says how far a rod turns, and the better bound counts."""
@@ -237,7 +243,7 @@ class PlanarPair(Mechanism):
         path = l1 * (travel[0] + travel[1]) + 2.0 * ends
         d, parts, short = at.gaps[1], at.parts, l2 - length
         low, high = d - path, d + path
-        if not (low > 2.0 * length and high < 2.0 * short):
+        if not (slack_m >= 0.0 and min(travel) >= 0.0 and low > 2.0 * length and high < 2.0 * short):
             return self._nothing(parts)
         type2 = _least_sine(low, high, l2, length)
         move = (path + 2.0 * length) / type2
@@ -246,15 +252,15 @@ class PlanarPair(Mechanism):
         apart = move + self.foot_error(slack_m)
         type1 = [
             max(self._sine_floor(r, apart, length), lowered(abs(sine), turn + t))
-            for r, sine, t in zip(parts[-2:], at.sines, travel, strict=True)
+            for r, sine, t in zip(parts[-2:], at.normalised_levers, travel, strict=True)
         ]
         parts = self.parts_left(at, both, slack_m)
-        return Guarantee(_capped(type1, at.sines), type2, self.constraint_guarantee(parts, both), ())
+        return CertifiedBounds(_capped(type1, at.normalised_levers), type2, self.constraint_bound(parts, both), ())
 
-    def _nothing(self, parts: Floats) -> Guarantee:
-        return Guarantee((0.0, 0.0), 0.0, self.constraint_guarantee(parts, inf), ())
+    def _nothing(self, parts: Floats) -> CertifiedBounds:
+        return CertifiedBounds((0.0, 0.0), 0.0, self.constraint_bound(parts, inf), ())
 
-    def guarantee_sharp(self, at: Posture, travel: Sequence[float], slack_m: float = 0.0) -> Guarantee:
+    def sharp_bounds(self, at: Posture, travel: Sequence[float], slack_m: float = 0.0) -> CertifiedBounds:
         """To second order, in closed form. Along v = C_2 - C_1 and across it, to first order the elbows move by x_j and
         y_j with joint j, by `rest` on top. Both rods turn with v, by y/d, and against each other, as cos gamma =
         d/(2 l2) asks; `error` bounds what is left of both turns. The platform point goes with elbow and rod of one leg,
@@ -268,7 +274,7 @@ class PlanarPair(Mechanism):
         h1, h2 = travel
         det, parts, d, full = at.det, at.parts, at.gaps[1], 2.0 * l2
         nothing = self._nothing(parts)
-        if not (det != 0.0 and h1 >= 0.0 and h2 >= 0.0):
+        if not (det != 0.0 and h1 >= 0.0 and h2 >= 0.0 and slack_m >= 0.0):
             return nothing
         n1x, n1z, n2x, n2z = -l1 * h1 * sin(q1), -l1 * h1 * cos(q1), -l1 * h2 * sin(q2), -l1 * h2 * cos(q2)
         ends, length, _ = self.geometry_errors(slack_m) if slack_m else EXACT
@@ -305,20 +311,20 @@ class PlanarPair(Mechanism):
             self._sine_between(*_distances(x - b0, z + e, d1x, d1z, d2x, d2z, off)),
         )
         if len(parts) == 2:
-            return Guarantee(_capped(type1, at.sines), type2, nan, ())
+            return CertifiedBounds(_capped(type1, at.normalised_levers), type2, nan, ())
         constraint = self.constraint_over(at, ((t11, t12), (t21, t22)), (error, error))
         if slack_m:
             left = self.parts_left(at, turn1 + turn2, slack_m)
             constraint = max(constraint - max(parts[0] - left[0], parts[1] - left[1]), 0.0)
-        return Guarantee(_capped(type1, at.sines), type2, constraint, ())
+        return CertifiedBounds(_capped(type1, at.normalised_levers), type2, constraint, ())
 
     def constraint_over(
         self, at: Posture, turns: tuple[tuple[float, float], tuple[float, float]], rests: tuple[float, float]
     ) -> float:
         """Lower bound of the constraint margin while rod k turns by s_1 turns[k][0] + s_2 turns[k][1], s_j in -1..1,
         and by rests[k] on top, rad."""
-        turn = sum([abs(a) + abs(b) + rest for (a, b), rest in zip(turns, rests, strict=True)])
-        return self.constraint_guarantee(at.parts, turn)
+        turn = sum([abs(a) + abs(b) + rest for (a, b), rest in zip(turns, rests, strict=True)], 0.0)
+        return self.constraint_bound(at.parts, turn)
 
     def _sine_floor(self, r: float, move: float, error: float = 0.0) -> float:
         """Smallest |sin(q - psi)| while |A P| stays within `move` of r, and crank and rod within `error` of theirs.
@@ -360,7 +366,8 @@ class PlanarPair(Mechanism):
         return nearest
 
     def _bounded(self, arc: Arc) -> Floats:
-        """What the distance to an arc takes: centre, direction of its middle, cosine of half its length, both ends."""
+        """Constants for the distance to an arc: centre, direction of its middle, cosine of half its length, both
+        ends."""
         cx, cz, start, length = arc
         rod, middle, end = self.loop.rod, start + 0.5 * length, start + length
         ends = (cx + rod * cos(start), cz - rod * sin(start), cx + rod * cos(end), cz - rod * sin(end))
@@ -379,7 +386,7 @@ class PlanarPair(Mechanism):
 
 
 def _distances(x: float, z: float, ax: float, az: float, bx: float, bz: float, rest: float) -> tuple[float, float]:
-    """Bounds of the distance of (x, z) + s (ax, az) + t (bx, bz), s and t in -1..1, from the origin, if it is off by
+    """Bounds of the distance of (x, z) + s (ax, az) + t (bx, bz), s and t in -1..1, from the origin, with an error of
     `rest`: smallest and largest."""
     size = hypot(x, z)
     if not size > 0.0:
@@ -390,9 +397,9 @@ def _distances(x: float, z: float, ax: float, az: float, bx: float, bz: float, r
     return size - along - rest, hypot(size + along, aside) + rest
 
 
-def _capped(floors: Sequence[float], sines: Floats) -> Floats:
-    """Near 0 a sine from lengths has half the digits of one from directions."""
-    (floor1, floor2), (sine1, sine2) = floors, sines
+def _capped(floors: Sequence[float], normalised_levers: Floats) -> Floats:
+    """Near 0 a sine computed from lengths has half the digits of one computed from directions."""
+    (floor1, floor2), (sine1, sine2) = floors, normalised_levers
     size1, size2 = abs(sine1), abs(sine2)
     return (floor1 if floor1 < size1 else size1, floor2 if floor2 < size2 else size2)
 
@@ -427,35 +434,3 @@ def _opening(d: float, low: float, high: float, rod: float, error: float) -> flo
     other = 2.0 * rod * error / (short * low)
     now = acos(min(0.5 * d / rod, 1.0))
     return max(acos(max(0.5 * low / long - other, -1.0)) - now, now - acos(min(0.5 * high / short + other, 1.0)))
-
-
-def coincident_elbows(loop: Loop) -> list[tuple[float, float]]:
-    """Joint positions where both elbows meet (psi_I = psi_II), sheet section 6: none, or two isolated points, which
-    are one if the cranks just reach each other."""
-    b0, l1 = loop.half_base, loop.crank
-    if not 0.0 < abs(b0) <= l1:
-        return []
-    g = acos(abs(b0) / l1)
-    return [(g, pi - g), (-g, g - pi)] if b0 > 0.0 else [(pi - g, g), (g - pi, -g)]
-
-
-def coincident_arcs(loop: Loop, mode: Signs) -> list[Arc]:
-    """Arcs of platform points with psi_I = psi_II in one working mode: |sin(q_k - psi)| keeps its sign between
-    psi = q_k and q_k + pi, so each circle is cut at four angles."""
-    arcs = []
-    for q1, q2 in coincident_elbows(loop):
-        cx, cz = -loop.half_base + loop.crank * cos(q1), -loop.drop - loop.crank * sin(q1)
-        cuts = sorted({angle % tau for angle in (q1, q1 + pi, q2, q2 + pi)})
-        for start, end in zip(cuts, [*cuts[1:], cuts[0] + tau], strict=True):
-            middle = 0.5 * (start + end)
-            if sin(q1 - middle) * mode[0] > 0.0 and sin(q2 - middle) * mode[1] > 0.0:
-                arcs.append((cx, cz, start, end - start))
-    return arcs
-
-
-def arc_distance(dx: float, dz: float, radius: float, start: float, length: float) -> float:
-    """Distance from a point, seen from the centre, to an arc."""
-    after = (FLOATS.atan2(-dz, dx) - start) % tau
-    if after <= length:
-        return abs(hypot(dx, dz) - radius)
-    return min(hypot(dx - radius * cos(end), dz + radius * sin(end)) for end in (start, start + length))

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from irsbot_kinematics.geometry import require
 from irsbot_kinematics.mechanisms.branched_platform import BY_A_LOOP, Point
+from irsbot_kinematics.mechanisms.geometry_checks import require
 from irsbot_kinematics.mechanisms.sliding_platform import (
     Rail,
     SlidingPlatform,
@@ -24,13 +24,13 @@ class Rails2Geometry:
     o1: Point
     """Base joint of the strut."""
     o2: Point
-    """Where the carriages are at q = 0."""
+    """Positions of the carriages at q = 0."""
     o3: Point
     u2: Point
-    """Directions of the rails, of any size."""
+    """Directions of the rails, of any length."""
     u3: Point
     b1: Point
-    """Platform joints, seen from the platform point."""
+    """Platform joints relative to the platform point."""
     b2: Point
     b3: Point
     L2: float

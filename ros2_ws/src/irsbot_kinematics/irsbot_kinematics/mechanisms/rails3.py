@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from irsbot_kinematics.geometry import require, require_size
 from irsbot_kinematics.mechanisms.branched_platform import BY_A_LOOP, Point
+from irsbot_kinematics.mechanisms.geometry_checks import require, require_size
 from irsbot_kinematics.mechanisms.sliding_platform import (
     Rail,
     SlidingPlatform,
@@ -22,15 +22,15 @@ class Rails3Geometry:
     """Points (x, y) and lengths in metres."""
 
     o1: Point
-    """Where the carriages are at q = 0."""
+    """Positions of the carriages at q = 0."""
     o2: Point
     o3: Point
     u1: Point
-    """Directions of the rails, of any size."""
+    """Directions of the rails, of any length."""
     u2: Point
     u3: Point
     b1: Point
-    """Platform joints, seen from the platform point."""
+    """Platform joints relative to the platform point."""
     b2: Point
     b3: Point
     L: tuple[float, float, float]

@@ -10,17 +10,17 @@ from abc import abstractmethod
 from collections.abc import Sequence
 from math import cos, dist, hypot, inf, pi, sin, sqrt
 
-from irsbot_kinematics.arithmetic import FLOATS, Arithmetic, N
-from irsbot_kinematics.boxes import Rod
-from irsbot_kinematics.guarantees import EXACT, Errors
+from irsbot_kinematics.bounds.boxes import Rod
+from irsbot_kinematics.bounds.displacement import EXACT, Errors
 from irsbot_kinematics.mechanism import Coordinate, Floats, Legs, Posture
 from irsbot_kinematics.mechanisms.turning_platform import Travel, TurningPlatform
+from irsbot_kinematics.numerics.arithmetic import FLOATS, Arithmetic, N
 
 Point = tuple[float, float]
 Pair = tuple[N, N]
 
 _TINY = 1e-200
-"""m: keeps a quotient defined where a rod has no length; the closure then says so."""
+"""m: keeps a quotient defined if a rod has length 0; the closure then shows it."""
 
 
 class RodPlatform(TurningPlatform):
@@ -34,7 +34,7 @@ class RodPlatform(TurningPlatform):
     def __init__(self, rods: Floats, corners: tuple[Point, ...], speeds: Floats, bends: Floats) -> None:
         self.rods, self.corners, self.speeds, self.bends = rods, corners, speeds, bends
         self.radius = max([hypot(*corner) for corner in corners])
-        self.span = max([dist(a, b) for a in corners for b in corners])
+        self.diameter = max([dist(a, b) for a in corners for b in corners])
         self.length_m = self.radius
         self.task = (
             Coordinate("x", "m", -inf, inf),
@@ -50,7 +50,7 @@ class RodPlatform(TurningPlatform):
         """Rows (r, PB x r), r along the rod; lever -r.C', because the rod's length grows by r.(v - C' qdot)."""
         x, y, phi = pose
         c, s = k.cos(phi), k.sin(phi)
-        screws, levers, sines, closure, arms = [], [], [], [], []
+        screws, levers, normalised_levers, closure, attachments = [], [], [], [], []
         for leg, (joint, (bx, by)) in enumerate(zip(joints, self.corners, strict=True)):
             (px, py), (ux, uy), _ = self.near_end(k, leg, joint)
             ax, ay = c * bx - s * by, s * bx + c * by
@@ -60,19 +60,20 @@ class RodPlatform(TurningPlatform):
             lever = -(rx * ux + ry * uy)
             screws.append((rx, ry, ax * ry - ay * rx))
             levers.append(lever)
-            sines.append(lever / self.speeds[leg])
+            normalised_levers.append(lever / self.speeds[leg])
             closure.append(size - self.rods[leg])
-            arms.append((ax, ay))
+            attachments.append((ax, ay))
         _, reach = self.inverse(k, pose, self.usual_working_mode)
-        legs = Legs(tuple(screws), tuple(levers), tuple(sines), reach, tuple(closure))
-        legs.arms = tuple(arms)
+        legs = Legs(tuple(screws), tuple(levers), tuple(normalised_levers), reach, tuple(closure))
+        legs.attachments = tuple(attachments)
         return legs
 
     def bias(self, at: Posture, joint_rates: Sequence[float], pose_rates: Sequence[float]) -> Floats:
-        """Second derivative of |C_iB_i| without accelerations: what moves across the rod, and the pull of both ends."""
+        """Second derivative of |C_iB_i| without accelerations: relative motion across the rod, and the acceleration of
+        both ends."""
         vx, vy, w = pose_rates
         found = []
-        for leg, (rate, (rx, ry, _), (ax, ay)) in enumerate(zip(joint_rates, at.screws, at.arms, strict=True)):
+        for leg, (rate, (rx, ry, _), (ax, ay)) in enumerate(zip(joint_rates, at.screws, at.attachments, strict=True)):
             _, (ux, uy), (kx, ky) = self.near_end(FLOATS, leg, at.joints[leg])
             across = rx * (vy + w * ax - rate * uy) - ry * (vx - w * ay - rate * ux)
             pull = w * w * (ax * rx + ay * ry) + rate * rate * (kx * rx + ky * ry)
@@ -95,7 +96,7 @@ class RodPlatform(TurningPlatform):
         return Errors(2.0 * place + slack_m, slack_m, place)
 
     def rods_of(self, at: Posture, travel: Sequence[float], slack_m: float) -> list[Rod]:
-        """The near ends to first order, and C'' on top of it."""
+        """The near ends to first order, and C'' in addition."""
         ends, length, _ = self.geometry_errors(slack_m) if slack_m else EXACT
         found = []
         for leg, h in enumerate(travel):

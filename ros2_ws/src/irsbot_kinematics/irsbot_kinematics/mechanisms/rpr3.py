@@ -18,7 +18,7 @@ class Rpr3Geometry:
     a2: Point
     a3: Point
     b1: Point
-    """Platform joints, seen from the platform point."""
+    """Platform joints relative to the platform point."""
     b2: Point
     b3: Point
     limits: Point

@@ -1,4 +1,6 @@
-"""Planar 3-RRR with actuated elbows and equilateral triangles. Source: [S2], corrected as docs/sources.md lists.
+"""Planar 3-RRR with actuated elbows and equilateral triangles.
+
+Source: [S2], corrected as docs/explanation/sources.md lists.
 
 Frame: x, y in the plane, turns counter-clockwise. Base corners A_i and platform corners B_i at 210, 330 and 90 deg.
 Elbow i sets the distance rho_i = |A_iB_i| = 2 l |cos(q_i/2)|; the leg pushes along A_iB_i.
@@ -11,18 +13,19 @@ from dataclasses import dataclass
 from math import atan2, cos, hypot, inf, nan, pi, sin, sqrt
 from typing import ClassVar
 
-from irsbot_kinematics.arithmetic import FLOATS, Arithmetic, N
-from irsbot_kinematics.boxes import Reached, Rod
-from irsbot_kinematics.geometry import require, require_finite
-from irsbot_kinematics.guarantees import CHORD, EXACT, HALF, Errors
+from irsbot_kinematics.bounds.boxes import Reached, Rod
+from irsbot_kinematics.bounds.displacement import CHORD, EXACT, HALF, Errors
 from irsbot_kinematics.mechanism import Coordinate, Cuspidal, Floats, Legs, Posture, Signs, Status, sign_of
+from irsbot_kinematics.mechanisms.geometry_checks import require, require_finite
 from irsbot_kinematics.mechanisms.turning_platform import Travel, TurningPlatform
+from irsbot_kinematics.numerics.arithmetic import FLOATS, Arithmetic, N
+from irsbot_kinematics.numerics.tolerances import CLOSURE_TOL_M, COINCIDENT_TOL_M
 from irsbot_kinematics.skeleton import BASE, Cut, Link, Skeleton, Z, planar_end
-from irsbot_kinematics.tolerances import CLOSURE_TOL_M, COINCIDENT_TOL_M
 
 _CORNERS = tuple((cos(angle), sin(angle)) for angle in (7.0 * pi / 6.0, 11.0 * pi / 6.0, 0.5 * pi))
 _TINY = 1e-200
-"""m or m^2: keeps a quotient defined where a leg is folded to nothing; the gaps then say so."""
+"""m or m^2: keeps a quotient defined if a leg is folded to length 0; the assembly clearances then mark the result as
+invalid."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +65,7 @@ class Rrr3(TurningPlatform):
     def __init__(self, geometry: Rrr3Geometry) -> None:
         self.geometry = geometry
         self.radius = self.length_m = geometry.rp
-        self.span = sqrt(3.0) * geometry.rp
+        self.diameter = sqrt(3.0) * geometry.rp
         self.joints = tuple(Coordinate(f"elbow_{i}", "rad", -pi, pi) for i in (1, 2, 3))
         self.task = (
             Coordinate("x", "m", -inf, inf),
@@ -82,12 +85,12 @@ class Rrr3(TurningPlatform):
         joints, reach = [], []
         for (dx, dy, _, _), sign in zip(self._spokes(k, pose), mode, strict=True):
             rho = k.hypot(dx, dy)
-            joints.append(2.0 * sign * k.atan2(k.root((far - rho) * (far + rho)), rho))
+            joints.append(2.0 * sign * k.atan2(k.safe_sqrt((far - rho) * (far + rho)), rho))
             reach.append(far - rho)
         return tuple(joints), tuple(reach)
 
     def _spokes(self, k: Arithmetic[N], pose: Sequence[N]) -> list[tuple[N, N, N, N]]:
-        """Per leg A_iB_i and arm PB_i, m."""
+        """A_iB_i and attachment vector PB_i of each leg, m."""
         rb, rp = self.geometry.rb, self.geometry.rp
         x, y, phi = pose
         c, s = rp * k.cos(phi), rp * k.sin(phi)
@@ -111,41 +114,47 @@ class Rrr3(TurningPlatform):
         wx, wy = ((a * x1 + b * x2) + c * x3) / 3.0, ((a * y1 + b * y2) + c * y3) / 3.0
         w = k.hypot(wx, wy)
         apart = mean - 2.0 * w
-        large = 0.5 * (mean + k.root(apart * (mean + 2.0 * w)))
+        large = 0.5 * (mean + k.safe_sqrt(apart * (mean + 2.0 * w)))
         inside = abs(assembly) == 1
         K = large if inside else w * w / (large + _TINY)
-        root = k.root(K)
+        root = k.safe_sqrt(K)
         short, long = root - abs(rb - rp), rb + rp - root
         sign = 1 if (assembly > 0) == inside else -1
-        sine = sign * k.root(short * (root + abs(rb - rp)) * long * (root + rb + rp))
+        sine = sign * k.safe_sqrt(short * (root + abs(rb - rp)) * long * (root + rb + rp))
         cosine = rb * rb + rp * rp - K
         phi = k.atan2(sine, cosine)
         mx, my = 0.5 * cosine / rb - rb, 0.5 * sine / rb  # M = (mx, -my; my, mx)
         per_K = 1.0 / (K + _TINY)
-        gap = k.least(apart / (k.root(mean + 2.0 * w) + _TINY), k.least(short, long))
-        rho = k.root(k.least(k.least(a, b), k.least(c, K)))
+        gap = k.minimum(apart / (k.safe_sqrt(mean + 2.0 * w) + _TINY), k.minimum(short, long))
+        rho = k.safe_sqrt(k.minimum(k.minimum(a, b), k.minimum(c, K)))
         return ((mx * wx - my * wy) * per_K, (my * wx + mx * wy) * per_K, phi), (gap, rho)
 
     def legs(self, k: Arithmetic[N], joints: Sequence[N], pose: Sequence[N]) -> Legs[N]:
         """Rows (r_i, PB_i x r_i) with r_i along A_iB_i; levers l sin(q_i/2), the arms of the forces about C_i."""
         l = self.geometry.l
-        screws, sines, reach, closure, arms = [], [], [], [], []
+        screws, normalised_levers, reach, closure, attachments = [], [], [], [], []
         for (dx, dy, ax, ay), q in zip(self._spokes(k, pose), joints, strict=True):
             half = 0.5 * k.wrap(q)
             rho = k.hypot(dx, dy)
             rx, ry = dx / (rho + _TINY), dy / (rho + _TINY)
             screws.append((rx, ry, ax * ry - ay * rx))
-            sines.append(k.sin(half))
+            normalised_levers.append(k.sin(half))
             reach.append(2.0 * l - rho)
             closure.append(rho - 2.0 * l * k.cos(half))
-            arms.append((ax, ay))
-        legs = Legs(tuple(screws), tuple([l * s for s in sines]), tuple(sines), tuple(reach), tuple(closure))
-        legs.arms = tuple(arms)
-        legs.limb = tuple([k.size(k.cos(0.5 * k.wrap(q))) for q in joints])
+            attachments.append((ax, ay))
+        legs = Legs(
+            tuple(screws),
+            tuple([l * s for s in normalised_levers]),
+            tuple(normalised_levers),
+            tuple(reach),
+            tuple(closure),
+        )
+        legs.attachments = tuple(attachments)
+        legs.limb = tuple([k.abs(k.cos(0.5 * k.wrap(q))) for q in joints])
         return legs
 
     def posture(self, joints: Sequence[float], assembly: int) -> Posture:
-        """The equations of `direct` and `legs` once more, in one piece for one sample: twice as fast."""
+        """The equations of `direct` and `legs` in one function for one sample: twice as fast."""
         q1, q2, q3 = joints
         if not (abs(q1) < pi and abs(q2) < pi and abs(q3) < pi):
             return super().posture(joints, assembly)
@@ -233,7 +242,7 @@ class Rrr3(TurningPlatform):
         return Skeleton(tuple(links), tuple(joint.name for joint in self.joints), cuts, self._passive)
 
     def _passive(self, joints: Floats, pose: Floats) -> dict[str, float]:
-        """A leg of equal links points half its elbow's angle aside."""
+        """A leg of equal links points to one side by half of its elbow's angle."""
         rows = self.at(joints, pose, 0, (0.0, 0.0)).screws
         starts = [atan2(ry, rx) - 0.5 * FLOATS.wrap(q) for q, (rx, ry, _) in zip(joints, rows, strict=True)]
         angles = {f"base_{leg}": start for leg, start in enumerate(starts, 1)}
@@ -245,7 +254,7 @@ class Rrr3(TurningPlatform):
         vx, vy, w = pose_rates
         c = []
         for q, rate, (rx, ry, _), (ax, ay), reach in zip(
-            at.joints, joint_rates, at.screws, at.arms, at.reach, strict=True
+            at.joints, joint_rates, at.screws, at.attachments, at.reach, strict=True
         ):
             across = rx * (vy + w * ax) - ry * (vx - w * ay)
             swing = across * across / (2.0 * l - reach + _TINY)
@@ -286,7 +295,7 @@ class Rrr3(TurningPlatform):
         return rods
 
     def sines_over(self, at: Posture, travel: Sequence[float], met: Reached, slack_m: float) -> Floats:
-        """Whatever the platform does."""
+        """Independent of the platform."""
         return self.sine_floors(at, travel, 0.0, slack_m)
 
     def sine_floors(self, at: Posture, travel: Sequence[float], turn_rad: float, slack_m: float = 0.0) -> Floats:
@@ -295,7 +304,7 @@ class Rrr3(TurningPlatform):
         Of links a < b it is the lever a b sin(q)/rho over its largest size a: the same times (1 + x)/sqrt(1 + x^2 T)
         with x = (b - a)/(b + a) <= slack/l and T = tan^2(q/2), which is least at an end of the range of x.
         """
-        s1, s2, s3 = at.sines
+        s1, s2, s3 = at.normalised_levers
         t1, t2, t3 = travel
         floors = _sine_floor(s1, t1), _sine_floor(s2, t2), _sine_floor(s3, t3)
         if slack_m:
@@ -316,7 +325,7 @@ class Rrr3(TurningPlatform):
 
 
 def _unequal(x: float, cosine: float) -> float:
-    """The smallest (1 + x)/sqrt(1 + x^2 tan^2(q/2)) from 0 to x where cos(q/2) is at least `cosine`; 0 if unknown."""
+    """The smallest (1 + x)/sqrt(1 + x^2 tan^2(q/2)) from 0 to x for cos(q/2) at least `cosine`; 0 if unknown."""
     return min((1.0 + x) * cosine / hypot(cosine, x * sqrt(1.0 - cosine * cosine)), 1.0) if x < 1.0 else 0.0
 
 

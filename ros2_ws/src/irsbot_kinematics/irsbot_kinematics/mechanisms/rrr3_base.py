@@ -12,12 +12,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from irsbot_kinematics.arithmetic import FLOATS, Arithmetic, Array, N
-from irsbot_kinematics.assemblies import planar_closing, planar_meetings
-from irsbot_kinematics.geometry import require, require_finite, require_size
 from irsbot_kinematics.mechanism import Floats, Legs, Posture, Status, sign_of
 from irsbot_kinematics.mechanisms.branched_platform import BY_A_LOOP, TINY, Point
 from irsbot_kinematics.mechanisms.crank_platform import CrankPlatform
+from irsbot_kinematics.mechanisms.geometry_checks import require, require_finite, require_size
+from irsbot_kinematics.numerics.arithmetic import FLOATS, Arithmetic, Array, N
+from irsbot_kinematics.numerics.assembly_roots import planar_closing, planar_meetings
 from irsbot_kinematics.skeleton import Cut, Link, Skeleton, Z, planar_end
 
 
@@ -30,7 +30,7 @@ class Rrr3BaseGeometry:
     a2: Point
     a3: Point
     b1: Point
-    """Platform joints, seen from the platform point."""
+    """Platform joints relative to the platform point."""
     b2: Point
     b3: Point
     l1: float
@@ -67,7 +67,7 @@ class Rrr3Base(CrankPlatform):
         x, y, phi = pose
         l1, l2 = self.crank, self.rod
         c, s = k.cos(phi), k.sin(phi)
-        screws, sines, reach, closure, arms = [], [], [], [], []
+        screws, normalised_levers, reach, closure, attachments = [], [], [], [], []
         for (fx, fy), (bx, by), q in zip(self.feet, self.corners, joints, strict=True):
             ax, ay = c * bx - s * by, s * bx + c * by
             X, Y = x + ax - fx, y + ay - fy
@@ -77,16 +77,22 @@ class Rrr3Base(CrankPlatform):
             rx, ry = rx / size, ry / size
             r = k.hypot(X, Y)
             screws.append((rx, ry, ax * ry - ay * rx))
-            sines.append(uy * rx - ux * ry)
-            reach.append(k.least(l1 + l2 - r, r - abs(l1 - l2)))
+            normalised_levers.append(uy * rx - ux * ry)
+            reach.append(k.minimum(l1 + l2 - r, r - abs(l1 - l2)))
             closure.append(size - l2)
-            arms.append((ax, ay))
-        legs = Legs(tuple(screws), tuple([l1 * sine for sine in sines]), tuple(sines), tuple(reach), tuple(closure))
-        legs.arms = tuple(arms)
+            attachments.append((ax, ay))
+        legs = Legs(
+            tuple(screws),
+            tuple([l1 * sine for sine in normalised_levers]),
+            tuple(normalised_levers),
+            tuple(reach),
+            tuple(closure),
+        )
+        legs.attachments = tuple(attachments)
         return legs
 
     def at(self, joints: Floats, pose: Floats, assembly: int, gaps: tuple[float, float]) -> Posture:
-        """As in CrankPlatform, with the equations of `legs` in one piece for one sample: twice as fast."""
+        """The posture of CrankPlatform, with the equations of `legs` in one function for one sample: twice as fast."""
         x, y, phi = pose
         q1, q2, q3 = joints
         l1, l2 = self.crank, self.rod
@@ -143,7 +149,7 @@ class Rrr3Base(CrankPlatform):
 
     def closing(self, joints: Sequence[Array], cosine: Array, sine: Array) -> Array:
         """assemblies.planar_closing with the crank ends as base points, over size^6."""
-        closing: Array = planar_closing(self.ends(joints, cosine, sine), (self.rod,) * 3) / self._size**6
+        closing: Array = planar_closing(self.ends(joints, cosine, sine), (self.rod,) * 3) / self.size_m**6
         return closing
 
     def candidates(self, joints: Sequence[Array], turn: Array) -> tuple[Array, ...]:
@@ -153,7 +159,7 @@ class Rrr3Base(CrankPlatform):
     def skeleton(self) -> Skeleton:
         """Leg 1 carries the platform; at 0 cranks and rods point to +x."""
         links, end = [], (self.rod, 0.0, 0.0)
-        for leg, arm in enumerate(self.arms(), 1):
+        for leg, arm in enumerate(self.attachments(), 1):
             links.append(arm)
             links.append(Link(f"rod_{leg}", f"elbow_{leg}", arm.name, (self.crank, 0.0, 0.0), Z, shape=(end,)))
         links += planar_end("rod_1", self.rod, Z, self.platform_corners)
@@ -169,7 +175,7 @@ class Rrr3Base(CrankPlatform):
         """Second derivative of |C_iB_i|: the platform's, the crank's and the rod's centripetal parts."""
         vx, vy, w = pose_rates
         c = []
-        for q, rate, (rx, ry, _), (ax, ay) in zip(at.joints, joint_rates, at.screws, at.arms, strict=True):
+        for q, rate, (rx, ry, _), (ax, ay) in zip(at.joints, joint_rates, at.screws, at.attachments, strict=True):
             swing_x = vx - w * ay + self.crank * rate * sin(q)
             swing_y = vy + w * ax - self.crank * rate * cos(q)
             across = rx * swing_y - ry * swing_x

@@ -16,13 +16,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from irsbot_kinematics.arithmetic import Arithmetic, Array, N
-from irsbot_kinematics.assemblies import planar_position
-from irsbot_kinematics.boxes import Reached, least_singular
-from irsbot_kinematics.geometry import require, require_finite
+from irsbot_kinematics.bounds.boxes import Reached, least_singular
 from irsbot_kinematics.mechanism import Floats, Legs, Posture
 from irsbot_kinematics.mechanisms.branched_platform import BY_A_LOOP, TINY
 from irsbot_kinematics.mechanisms.crank_platform import CrankPlatform
+from irsbot_kinematics.mechanisms.geometry_checks import require, require_finite
+from irsbot_kinematics.numerics.arithmetic import Arithmetic, Array, N
+from irsbot_kinematics.numerics.assembly_roots import planar_position
 from irsbot_kinematics.skeleton import Cut, Rod, Skeleton, X, Z, turned
 
 
@@ -78,7 +78,7 @@ class Ruu4(CrankPlatform):
         x, y, z, phi = pose
         l1, l2 = self.crank, self.rod
         c, s = k.cos(phi), k.sin(phi)
-        screws, sines, reach, closure, arms, level = [], [], [], [], [], []
+        screws, normalised_levers, reach, closure, attachments, level = [], [], [], [], [], []
         for (fx, fy), (bx, by), q in zip(self.feet, self.corners, joints, strict=True):
             ax, ay = c * bx - s * by, s * bx + c * by
             X, Y = x + ax - fx, y + ay - fy
@@ -90,15 +90,15 @@ class Ruu4(CrankPlatform):
             rx, ry = rx / size, ry / size
             r = k.hypot(X, Y)
             screws.append((rx, ry, z / size, ax * ry - ay * rx))
-            sines.append(uy * rx - ux * ry)
-            reach.append(k.least(l2 - k.hypot(r - l1, z), k.hypot(r + l1, z) - l2))
+            normalised_levers.append(uy * rx - ux * ry)
+            reach.append(k.minimum(l2 - k.hypot(r - l1, z), k.hypot(r + l1, z) - l2))
             closure.append(size - l2)
-            arms.append((ax, ay))
-        levers = tuple([l1 * sine for sine in sines])
-        legs = Legs(tuple(screws), levers, tuple(sines), tuple(reach), tuple(closure))
+            attachments.append((ax, ay))
+        levers = tuple([l1 * sine for sine in normalised_levers])
+        legs = Legs(tuple(screws), levers, tuple(normalised_levers), tuple(reach), tuple(closure))
         legs.constraint = self.constraint_margin(k, level)
-        legs.limb = tuple([k.size(sine) for sine in sines])
-        legs.arms = tuple(arms)
+        legs.limb = tuple([k.abs(sine) for sine in normalised_levers])
+        legs.attachments = tuple(attachments)
         return legs
 
     def constraint_margin(self, k: Arithmetic[N], level: Sequence[tuple[N, N]]) -> N:
@@ -112,7 +112,7 @@ class Ruu4(CrankPlatform):
         bc, bd, cd = bx * cy - by * cx, bx * dy - by * dx, cx * dy - cy * dx
         product = ab * ab + ac * ac + ad * ad + bc * bc + bd * bd + cd * cd
         half = 0.5 * (ax * ax + bx * bx + cx * cx + dx * dx - ay * ay - by * by - cy * cy - dy * dy)
-        return k.root(0.5 * product / (2.0 + k.hypot(half, ax * ay + bx * by + cx * cy + dx * dy)))
+        return k.safe_sqrt(0.5 * product / (2.0 + k.hypot(half, ax * ay + bx * by + cx * cy + dx * dy)))
 
     def closing(self, joints: Sequence[Array], cosine: Array, sine: Array) -> Array:
         """Determinant of the three lines that the differences of the legs' equations leave for P, over size^4."""
@@ -121,10 +121,10 @@ class Ruu4(CrankPlatform):
             (x - x1, y - y1, 0.5 * (x1 * x1 + y1 * y1 - x * x - y * y)) for x, y in others
         ]
         det: Array = a1 * (b2 * c3 - b3 * c2) - a2 * (b1 * c3 - b3 * c1) + a3 * (b1 * c2 - b2 * c1)
-        return det / self._size**4
+        return det / self.size_m**4
 
     def candidates(self, joints: Sequence[Array], turn: Array) -> tuple[Array, ...]:
-        """x, y where the two lines meet that cross least flatly; z above and below."""
+        """x, y of the intersection of the two lines with the largest angle between them; z above and below."""
         first, *others = self.ends(joints, np.cos(turn), np.sin(turn))
         best, x, y = np.zeros_like(turn), np.zeros_like(turn), np.zeros_like(turn)
         for left_out in range(3):
@@ -180,7 +180,7 @@ class Ruu4(CrankPlatform):
     def skeleton(self) -> Skeleton:
         """The first rod carries the platform; at 0 cranks and rods point to +x."""
         links = []
-        for arm, rod in zip(self.arms(), self._rods, strict=True):
+        for arm, rod in zip(self.attachments(), self._rods, strict=True):
             links += [arm, *rod.links()]
         links += self._rods[0].carry(self.platform_corners)
         pairs = list(zip(self._rods, self.platform_corners, strict=True))
@@ -203,7 +203,7 @@ class Ruu4(CrankPlatform):
         """Second derivative of |C_iB_i|: the platform's, the crank's and the rod's centripetal parts."""
         vx, vy, vz, w = pose_rates
         c = []
-        for q, rate, (rx, ry, rz, _), (ax, ay) in zip(at.joints, joint_rates, at.screws, at.arms, strict=True):
+        for q, rate, (rx, ry, rz, _), (ax, ay) in zip(at.joints, joint_rates, at.screws, at.attachments, strict=True):
             sx, sy = vx - w * ay + self.crank * rate * sin(q), vy + w * ax - self.crank * rate * cos(q)
             along = rx * sx + ry * sy + rz * vz
             centripetal = self.crank * rate * rate * (cos(q) * rx + sin(q) * ry) - w * w * (ax * rx + ay * ry)

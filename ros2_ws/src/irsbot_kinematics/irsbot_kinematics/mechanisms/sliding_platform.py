@@ -13,18 +13,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from irsbot_kinematics.arithmetic import ARRAYS, FLOATS, Arithmetic, Array, N
-from irsbot_kinematics.assemblies import planar_closing, planar_meetings
-from irsbot_kinematics.boxes import Reached, Rod
-from irsbot_kinematics.geometry import require, require_finite, require_size
-from irsbot_kinematics.guarantees import CHORD, Errors, lowered
-from irsbot_kinematics.mechanism import Coordinate, Floats, Guarantee, Legs, Posture, Signs
+from irsbot_kinematics.bounds.boxes import Reached, Rod
+from irsbot_kinematics.bounds.displacement import CHORD, Errors, lowered
+from irsbot_kinematics.mechanism import CertifiedBounds, Coordinate, Floats, Legs, Posture, Signs
 from irsbot_kinematics.mechanisms.branched_platform import TINY, BranchedPlatform, Point
+from irsbot_kinematics.mechanisms.geometry_checks import require, require_finite, require_size
 from irsbot_kinematics.mechanisms.turning_platform import Travel
+from irsbot_kinematics.numerics.arithmetic import ARRAYS, FLOATS, Arithmetic, Array, N
+from irsbot_kinematics.numerics.assembly_roots import planar_closing, planar_meetings
 from irsbot_kinematics.skeleton import BASE, HERE, Cut, Link, Skeleton, Vector, X, Z, planar_end
 
 FAR = 1e5
-"""1: slides farther away than this, over the size of the robot, leave no digits to the platform."""
+"""1: slides farther away than this, over the size of the robot, leave no digits for the platform."""
 
 
 class Rail(NamedTuple):
@@ -74,12 +74,12 @@ class SlidingPlatform(BranchedPlatform):
             X, Y = x + c * bx - s * by - ox, y + s * bx + c * by - oy
             if rail is None:
                 length, zero = k.hypot(X, Y), 0.0 * X
-                joints.append(k.least(k.most(length, joint.lower + zero), joint.upper + zero))
-                reach.append(k.least(length - joint.lower, joint.upper - length))
+                joints.append(k.minimum(k.maximum(length, joint.lower + zero), joint.upper + zero))
+                reach.append(k.minimum(length - joint.lower, joint.upper - length))
             else:
                 (ux, uy), rod = rail
-                h = k.size(ux * Y - uy * X)
-                joints.append(X * ux + Y * uy + w * k.root((rod - h) * (rod + h)))
+                h = k.abs(ux * Y - uy * X)
+                joints.append(X * ux + Y * uy + w * k.safe_sqrt((rod - h) * (rod + h)))
                 reach.append(rod - h)
         return tuple(joints), tuple(reach)
 
@@ -95,7 +95,7 @@ class SlidingPlatform(BranchedPlatform):
         """Rows (r_i, PB_i x r_i) with r_i along strut or rod; levers and sines -1 or -r_i.u_i."""
         x, y, phi = pose
         c, s = k.cos(phi), k.sin(phi)
-        screws, sines, reach, closure, arms, limb = [], [], [], [], [], []
+        screws, normalised_levers, reach, closure, attachments, limb = [], [], [], [], [], []
         for (cx, cy, length), (bx, by), rail, joint in zip(
             self.rods(k, joints), self.corners, self.rails, self.joints, strict=True
         ):
@@ -105,25 +105,25 @@ class SlidingPlatform(BranchedPlatform):
             rx, ry = rx / size, ry / size
             screws.append((rx, ry, ax * ry - ay * rx))
             closure.append(size - length)
-            arms.append((ax, ay))
+            attachments.append((ax, ay))
             if rail is None:
-                sines.append(0.0 * size - 1.0)
-                reach.append(k.least(size - joint.lower, joint.upper - size))
-                limb.append(k.least(size / joint.upper, 1.0 + 0.0 * size))
+                normalised_levers.append(0.0 * size - 1.0)
+                reach.append(k.minimum(size - joint.lower, joint.upper - size))
+                limb.append(k.minimum(size / joint.upper, 1.0 + 0.0 * size))
             else:
                 ux, uy = rail.way
-                sines.append(-(rx * ux + ry * uy))
-                reach.append(rail.rod - rail.rod * k.size(ux * ry - uy * rx))
-        legs = Legs(tuple(screws), tuple(sines), tuple(sines), tuple(reach), tuple(closure))
-        legs.arms, legs.limb = tuple(arms), tuple(limb)
+                normalised_levers.append(-(rx * ux + ry * uy))
+                reach.append(rail.rod - rail.rod * k.abs(ux * ry - uy * rx))
+        legs = Legs(tuple(screws), tuple(normalised_levers), tuple(normalised_levers), tuple(reach), tuple(closure))
+        legs.attachments, legs.limb = tuple(attachments), tuple(limb)
         return legs
 
     def closing(self, joints: Sequence[Array], cosine: Array, sine: Array) -> Array:
-        """assemblies.planar_closing over size^6; 0 where the joints are so far away that no digits are left."""
+        """assemblies.planar_closing over size^6; 0 if the joints are so far away that no digits are left."""
         lengths = [length for *_, length in self.rods(ARRAYS, joints)]
-        closing: Array = planar_closing(self.ends(joints, cosine, sine), lengths) / self._size**6
+        closing: Array = planar_closing(self.ends(joints, cosine, sine), lengths) / self.size_m**6
         farthest = np.max([np.abs(q) for q in joints], axis=0)
-        return np.where(farthest < FAR * self._size, closing, 0.0)
+        return np.where(farthest < FAR * self.size_m, closing, 0.0)
 
     def candidates(self, joints: Sequence[Array], turn: Array) -> tuple[Array, ...]:
         """assemblies.planar_meetings."""
@@ -131,11 +131,11 @@ class SlidingPlatform(BranchedPlatform):
         return planar_meetings(self.ends(joints, np.cos(turn), np.sin(turn)), lengths, turn)
 
     def bias(self, at: Posture, joint_rates: Sequence[float], pose_rates: Sequence[float]) -> Floats:
-        """Second derivative of |C_iB_i|: what moves across the rod, and the arm's pull."""
+        """Second derivative of |C_iB_i|: relative motion across the rod, and the acceleration of the attachment."""
         vx, vy, w = pose_rates
         found = []
         for (*_, length), rail, rate, (rx, ry, _), (ax, ay) in zip(
-            self.rods(FLOATS, at.joints), self.rails, joint_rates, at.screws, at.arms, strict=True
+            self.rods(FLOATS, at.joints), self.rails, joint_rates, at.screws, at.attachments, strict=True
         ):
             ux, uy = rail.way if rail else (0.0, 0.0)
             across = rx * (vy + w * ax - rate * uy) - ry * (vx - w * ay - rate * ux)
@@ -175,13 +175,13 @@ class SlidingPlatform(BranchedPlatform):
 
     # --- guarantees, one sample --------------------------------------------------------------------------------------
 
-    def guarantee(self, at: Posture, travel: Sequence[float], slack_m: float = 0.0) -> Guarantee:
+    def certified_bounds(self, at: Posture, travel: Sequence[float], slack_m: float = 0.0) -> CertifiedBounds:
         """Legs of so different lengths that the bound in which every leg has its own effect on every other is taken for
         an exact machine, too."""
-        return self._guarantee_if_wrong(at, travel, slack_m)
+        return self._bounds_of_inexact(at, travel, slack_m)
 
     def _lengths(self, at: Posture) -> list[float]:
-        """Of struts and rods, m."""
+        """Lengths of struts and rods, m."""
         return [length for *_, length in self.rods(FLOATS, at.joints)]
 
     def travel_of(self, at: Posture, travel: Sequence[float], slack_m: float) -> Travel:
@@ -200,13 +200,13 @@ class SlidingPlatform(BranchedPlatform):
         return Travel(drives, path, min(lengths))
 
     def geometry_errors(self, slack_m: float) -> Errors:
-        """The places of a strut's joints; its length."""
+        """Errors of the places of a strut's joints, and of its length."""
         place = sqrt(2.0) * slack_m
         return Errors(2.0 * place, slack_m, place)
 
     def _errors(self, at: Posture, travel: Sequence[float], slack_m: float) -> list[tuple[float, float]]:
-        """Per leg, m: by how much the ends of its rod are off against each other, and its length. A rail is off where
-        the carriage is, instead of the joint on the base."""
+        """Per leg, m: relative error of the ends of its rod, and error of its length. A rail is off at the carriage,
+        instead of the joint on the base."""
         if not slack_m:
             return [(0.0, 0.0)] * 3
         ends, length, place = self.geometry_errors(slack_m)
@@ -245,7 +245,9 @@ class SlidingPlatform(BranchedPlatform):
                 floors.append(1.0)
                 continue
             ux, uy = rail.way
-            least = max(sine - sum([abs(ux * x + uy * y) for x, y, *_ in rod.ways]) - rod.rest, 0.0) * length / longest
+            least = (
+                max(sine - sum([abs(ux * x + uy * y) for x, y, *_ in rod.ways], 0.0) - rod.rest, 0.0) * length / longest
+            )
             turn = _rail_errors(joint, joint.lower, 0.0, sqrt(2.0) * slack_m)[1]
             floors.append(lowered(least, turn) if slack_m else least)
         return tuple(floors)

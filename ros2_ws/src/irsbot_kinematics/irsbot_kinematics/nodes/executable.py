@@ -1,10 +1,10 @@
-"""Entry point of the executable, without the time that ROS takes to load."""
+"""Entry point of the executable; it loads ROS only when it runs."""
 
 from __future__ import annotations
 
 from typing import NoReturn
 
-from irsbot_msgs_py.start import start
+from irsbot_msgs_py.process.start import start
 
 
 def kinematics() -> NoReturn:

@@ -16,15 +16,15 @@ from irsbot_kinematics.errors import BadInput, KinematicsError, NotAssembled
 from irsbot_kinematics.requests import solve_direct, solve_inverse
 from irsbot_kinematics.robot import Robot, load_robot, make_robot
 from irsbot_msgs_py.convert import state_msg
+from irsbot_msgs_py.process.run import run
 from irsbot_msgs_py.records import Cause, Level, SingularityState, unknown_state
-from irsbot_msgs_py.shell import run
 from irsbot_msgs_py.stamps import NS_PER_S
 
 MOST = 20_000
-"""Postures or poses of one request: others wait meanwhile, and a state takes 2 kB."""
+"""Largest number of postures or poses of one request: other requests wait, and a state takes 2 kB."""
 
 BUSY_S = 1.0
-"""s: longest that one request is worked at. The robots differ: one posture takes from 0.03 ms to 1.5 ms."""
+"""s: longest time for one request. A posture takes from 0.03 ms to 1.5 ms, depending on the robot."""
 
 
 class KinematicsNode(Node):
@@ -41,7 +41,7 @@ class KinematicsNode(Node):
         self.get_logger().info(f"kinematics of {self._robot.name} ready")
 
     def _answered(self, service: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-        """The service with an answer to every request: after an error inside, an empty one that says so."""
+        """A service that answers every request: after an internal error, with an empty answer and the error."""
 
         def answer(request: Any, response: Any) -> Any:
             try:
@@ -105,7 +105,7 @@ class KinematicsNode(Node):
 
 
 def too_many(numbers: int, width: int, what: str) -> str:
-    """Why a request is too large, or empty. numbers: as they come, `width` per item."""
+    """Reason to refuse a request that is empty or too large. numbers: the flat list, `width` per item."""
     if numbers <= MOST * width:
         return ""
     return f"at most {MOST} {what} in one request, got {numbers // width}: ask in parts"
@@ -114,7 +114,7 @@ def too_many(numbers: int, width: int, what: str) -> str:
 def evaluation(
     robot: Robot, joints: tuple[float, ...], assembly_mode: int | None, times: tuple[int, int, int], sequence: int
 ) -> SingularityState:
-    """Margins of one posture as a state, without limits (level OK) and without history (no outlook).
+    """Margins of one posture as a state, without limits (level OK) and without a stopping prediction.
 
     Raises BadInput for an assembly mode that the robot does not have.
     """

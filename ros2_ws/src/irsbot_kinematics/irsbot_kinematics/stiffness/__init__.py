@@ -5,9 +5,10 @@ design = stiffness.load("irsbot2_table2")
 stiffness.matrix(design, (0.0, -0.8))                          # (6, 6) at P, base axes
 stiffness.deflection(design, (0.0, -0.8), (0, 100, 0, 0, 0, 0))    # m and rad
 
-Source: [S1] (11)-(23); elastostatic model in docs/stiffness.md.
+Source: [S1] (11)-(23); elastostatic model in docs/explanation/stiffness.md.
 """
 
+from irsbot_kinematics.arguments import checked
 from irsbot_kinematics.stiffness.chains import ChainStructure, moved, turned
 from irsbot_kinematics.stiffness.comparison import POSES, Row, Statistics, index, statistics, table
 from irsbot_kinematics.stiffness.design_file import load, presets, text_of
@@ -16,11 +17,11 @@ from irsbot_kinematics.stiffness.fields import DeflectionMap, deflection_map
 from irsbot_kinematics.stiffness.five_bar import FiveBarStructure
 from irsbot_kinematics.stiffness.irsbot2 import Irsbot2Structure
 from irsbot_kinematics.stiffness.response import (
-    Answers,
     Design,
-    answers,
+    Responses,
     compliance,
     deflection,
+    evaluate_many,
     frequency,
     matrix,
 )
@@ -30,15 +31,15 @@ from irsbot_kinematics.stiffness.supervision import ComplianceError, Load, PoseE
 from irsbot_kinematics.stiffness.tubes import Material, Section, Tube, materials, tube_compliance
 
 
+@checked
 def mass(design: Design) -> float:
-    """Mass of all tubes of a design, kg; platform, joints, motors and elbow carriers are not counted."""
+    """Mass of all tubes of a design, kg; without platform, joints, motors and elbow carriers."""
     return design.mass
 
 
 __all__ = [
     "POSES",
     "Active",
-    "Answers",
     "ChainStructure",
     "ComplianceError",
     "DeflectionMap",
@@ -50,6 +51,7 @@ __all__ = [
     "Material",
     "NoSize",
     "PoseErrors",
+    "Responses",
     "Row",
     "Section",
     "SingularPosture",
@@ -58,11 +60,11 @@ __all__ = [
     "Structure",
     "Task",
     "Tube",
-    "answers",
     "compliance",
     "compliance_error",
     "deflection",
     "deflection_map",
+    "evaluate_many",
     "frequency",
     "index",
     "load",

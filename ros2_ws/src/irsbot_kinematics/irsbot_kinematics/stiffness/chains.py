@@ -15,7 +15,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from irsbot_kinematics.arithmetic import Array
+from irsbot_kinematics.arguments import array, checked, matrix
+from irsbot_kinematics.errors import BadInput
+from irsbot_kinematics.numerics.arithmetic import Array
 from irsbot_kinematics.stiffness.errors import InvalidDesign, SingularPosture
 from irsbot_kinematics.stiffness.structure import Part
 from irsbot_kinematics.stiffness.tubes import Section, Tube, tube_compliance
@@ -37,18 +39,29 @@ def shift(r: ArrayLike) -> Array:
     return X
 
 
+@checked
 def moved(K: Array, r: ArrayLike) -> Array:
     """A stiffness (..., 6, 6) at P, expressed at Q = P + r: X(-r)' K X(-r)."""
-    X = shift(-np.asarray(r, dtype=float))
+    K = _stiffness(K)
+    X = shift(-matrix(r, (3,), "r"))
     at_q: Array = X.T @ K @ X
     return at_q
 
 
+@checked
 def turned(K: Array, R: ArrayLike) -> Array:
     """A stiffness (..., 6, 6) in the axes that the rows of R (3, 3) are, seen from the old ones."""
-    big = np.kron(np.eye(2), np.asarray(R, dtype=float))
+    K = _stiffness(K)
+    big = np.kron(np.eye(2), matrix(R, (3, 3), "R"))
     in_new: Array = big @ K @ big.T
     return in_new
+
+
+def _stiffness(K: ArrayLike) -> Array:
+    given = array(K, "K", "numbers of shape (..., 6, 6)")
+    if given.shape[-2:] != (6, 6):
+        raise BadInput(f"K must be numbers of shape (..., 6, 6), got shape {given.shape}")
+    return given
 
 
 @dataclass(frozen=True)
@@ -70,14 +83,14 @@ class Revolute:
 
 @dataclass(frozen=True)
 class Parallel:
-    """Chains side by side between two rigid bodies."""
+    """Parallel chains between two rigid bodies."""
 
     chains: tuple[Chain, ...]
 
 
 Link = TubeBetween | Revolute | Parallel
 Chain = tuple[Link, ...]
-"""From the base to the platform; what lies between two links is rigid."""
+"""A chain from the base to the platform; the parts between two links are rigid."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +129,7 @@ class ChainStructure:
         return list(_flat(self.chains))
 
     def tube(self, link: TubeBetween) -> Tube:
-        """The tube of a link. Raises InvalidDesign where its ends coincide."""
+        """The tube of a link. Raises InvalidDesign if its ends coincide."""
         length = float(np.linalg.norm(np.subtract(self.points[link.end], self.points[link.start])))
         try:
             return self.sections[link.section].tube(length)
@@ -135,7 +148,7 @@ class ChainStructure:
 
     @cached_property
     def length_m(self) -> float:
-        """Length that makes moments comparable with forces: the farthest two points."""
+        """Length by which moments are divided to compare them with forces: the largest distance of two points."""
         places = np.array(list(self.points.values()))
         return float(max(np.linalg.norm(places - place, axis=1).max() for place in places)) or 1.0
 
@@ -153,7 +166,7 @@ class ChainStructure:
 
     @cached_property
     def compliance(self) -> Array:
-        """(6, 6) at P. Raises SingularPosture where the platform is free."""
+        """(6, 6) at P. Raises SingularPosture if the platform is free."""
         W, D = self._carried(self.chains)
         if W.shape[1] < 6:
             raise SingularPosture((), f"the chains transmit {W.shape[1]} independent wrenches, 6 hold a platform")

@@ -1,7 +1,7 @@
-"""Tables 1, 2 and 4 of [S1] beside what the model gives, and what of them cannot be reproduced.
+"""Tables 1, 2 and 4 of [S1], compared with the model, and the results that cannot be reproduced.
 
 The paper does not print its poses, the angle beta, the spacing of the two bars, the material or the rods of the
-five-bar. The poses here are assumed; docs/stiffness.md says what supports them.
+five-bar. The poses here are assumed; docs/explanation/stiffness.md gives the reasons.
 """
 
 from __future__ import annotations
@@ -13,8 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from irsbot_kinematics.arithmetic import Array
+from irsbot_kinematics.arguments import array, checked
 from irsbot_kinematics.errors import BadInput
+from irsbot_kinematics.numerics.arithmetic import Array
 from irsbot_kinematics.stiffness.design_file import load
 from irsbot_kinematics.stiffness.response import deflection
 from irsbot_kinematics.stiffness.structure import Structure
@@ -23,7 +24,7 @@ SIDEWAYS_N = 100.0
 """N: the force along y0 of the paper."""
 
 POSES: Array = np.array([(x, z) for z in (-0.7, -0.76667, -0.83333, -0.9) for x in (-0.4, -0.2, 0.0, 0.2, 0.4)])
-"""(20, 2) m: ours for the paper's twenty configurations, which it does not print."""
+"""(20, 2) m: assumed poses in place of the paper's twenty configurations, which it does not print."""
 
 
 class Statistics(NamedTuple):
@@ -37,7 +38,7 @@ class Statistics(NamedTuple):
 
 
 class Row(NamedTuple):
-    """One case: what is printed, NaN where nothing is, and what the model gives, None where there is no model."""
+    """One case: the printed values, NaN where there are none, and those of the model, None if there is no model."""
 
     case: str
     printed: Statistics
@@ -48,8 +49,9 @@ class Row(NamedTuple):
 NOT_PRINTED = Statistics(*[float("nan")] * 4)
 
 
+@checked
 def statistics(design: Structure, poses: ArrayLike = POSES) -> Statistics:
-    """Deflection along y0 under 100 N over poses (N, 2). Raises BadInput where a pose has no answer."""
+    """Deflection along y0 under 100 N over poses (N, 2). Raises BadInput if a pose has no result."""
     moved = 1e3 * sideways(design, poses)
     if not np.isfinite(moved).all():
         where = np.asarray(poses)[~np.isfinite(moved)][0].tolist()
@@ -63,14 +65,20 @@ def sideways(design: Structure, poses: ArrayLike) -> Array:
     return moved
 
 
+@checked
 def index(deflections: Mapping[str, ArrayLike]) -> dict[str, Array]:
     """r of [S1] (23) for each robot: deflection over 25 times the largest of all robots and poses; NaN is skipped."""
-    largest = max(float(np.nanmax(np.asarray(values, dtype=float))) for values in deflections.values())
-    return {name: np.asarray(values, dtype=float) / (25.0 * largest) for name, values in deflections.items()}
+    moved = {name: array(values, "deflections", "numbers in m") for name, values in deflections.items()}
+    largest = max(
+        (float(np.max(values, initial=0.0, where=~np.isnan(values))) for values in moved.values()), default=0.0
+    )
+    if not 0.0 < largest < np.inf:
+        raise BadInput("deflections must hold at least one > 0 m, all of them finite or NaN")
+    return {name: values / (25.0 * largest) for name, values in moved.items()}
 
 
 def table() -> tuple[Row, ...]:
-    """Every case of Tables 1, 2 (with 3) and 4 (with 5), with the assumptions under which the model meets it or not."""
+    """Every case of Tables 1, 2 (with 3) and 4 (with 5), with its assumptions."""
     printed = Statistics(1.227, 1.135, 0.064, 5.6)
     rows = [
         _row("Table 1, five-bar, revolute at P", "five_bar_table1", printed, "mass reproduced; poses assumed"),
@@ -78,7 +86,7 @@ def table() -> tuple[Row, ...]:
             "Table 1, five-bar, ball joint at P",
             "five_bar_table1",
             printed,
-            "agrees, but other joints and poses do as well: it identifies nothing",
+            "agrees, but other joints and poses do as well: not conclusive",
             platform_joint="spherical",
         ),
         Row(

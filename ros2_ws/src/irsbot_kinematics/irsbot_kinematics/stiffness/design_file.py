@@ -1,6 +1,6 @@
 """Elastic designs as YAML: numbers with units and sources.
 
-family: irsbot2                       # or five_bar, or chains (see docs/stiffness.md)
+family: irsbot2                       # or five_bar, or chains (see docs/explanation/stiffness.md)
 description: one line
 robot: irsbot2                        # preset or YAML file that gives the geometry; or `geometry` below, or both
 geometry:
@@ -22,10 +22,12 @@ from typing import Any
 
 import yaml
 
+from irsbot_kinematics.arguments import checked
+from irsbot_kinematics.description.robot_file import read_robot
+from irsbot_kinematics.description.topologies import built
 from irsbot_kinematics.errors import KinematicsError
 from irsbot_kinematics.mechanism import Mechanism
 from irsbot_kinematics.mechanisms import TOPOLOGIES
-from irsbot_kinematics.robot_file import read_robot
 from irsbot_kinematics.stiffness.chain_file import read_chains
 from irsbot_kinematics.stiffness.chains import ChainStructure
 from irsbot_kinematics.stiffness.errors import InvalidDesign
@@ -35,7 +37,6 @@ from irsbot_kinematics.stiffness.quantities import quantity
 from irsbot_kinematics.stiffness.response import Design
 from irsbot_kinematics.stiffness.section_file import mapping, read_sections
 from irsbot_kinematics.stiffness.structure import Structure
-from irsbot_kinematics.topologies import built
 
 _FOLDER = "stiffness/presets"
 _KEYS = {"family", "description", "robot", "geometry", "sections", "materials", "working_mode"}
@@ -43,7 +44,7 @@ _FAMILIES: dict[str, tuple[type[Irsbot2Structure] | type[FiveBarStructure], tupl
     "irsbot2": (Irsbot2Structure, ("parallelogram", "direction", "spacing")),
     "five_bar": (FiveBarStructure, ("platform_joint",)),
 }
-"""Class of each family, and what its geometry has beyond that of the rigid robot."""
+"""Class of each family, and the geometry that it has in addition to the rigid robot's."""
 _DEFAULTS: dict[str, Any] = {"direction": [0.0, 1.0], "spacing": "0 m", "platform_joint": "revolute"}
 
 
@@ -53,6 +54,7 @@ def presets() -> tuple[str, ...]:
     return tuple(sorted(Path(file.name).stem for file in files if file.name != "materials.yaml"))
 
 
+@checked
 def load(name_or_path: str | Path, *, robot: str | None = None, **changes: Any) -> Design:
     """A shipped design by name, or one from a YAML file.
 
@@ -75,24 +77,25 @@ def load(name_or_path: str | Path, *, robot: str | None = None, **changes: Any) 
             f"no elastic design '{name_or_path}'; known are {', '.join(presets())}, or give a YAML file"
         )
     try:
-        said = yaml.safe_load(text)
+        stated = yaml.safe_load(text)
     except (yaml.YAMLError, ValueError) as error:
         raise InvalidDesign(f"{where}: not YAML: {' '.join(str(error).split())}") from None
-    if not isinstance(said, dict) or said.get("family") not in (*_FAMILIES, ChainStructure.family):
+    if not isinstance(stated, dict) or stated.get("family") not in (*_FAMILIES, ChainStructure.family):
         families = ", ".join((*_FAMILIES, ChainStructure.family))
         raise InvalidDesign(f"{where}: expected a mapping with a family, one of {families}")
     try:
-        if said["family"] == ChainStructure.family:
+        if stated["family"] == ChainStructure.family:
             if robot is not None or changes:
                 raise InvalidDesign("a design of chains has points of its own: change its file")
-            return read_chains(said, name)
-        return _structure(said, name, robot, changes, Path(where).parent)
+            return read_chains(stated, name)
+        return _structure(stated, name, robot, changes, Path(where).parent)
     except InvalidDesign as error:
         raise InvalidDesign(f"{where}: {error}") from None
 
 
+@checked
 def text_of(design: Structure) -> str:
-    """The design as a YAML file that `load` reads back to the last digit."""
+    """The design as a YAML file that `load` reads back exactly."""
     geometry: dict[str, Any] = {}
     for key, value in vars(design.mechanism.geometry).items():
         geometry[key] = {"value": f"{value!r} {'rad' if key == 'beta' else 'm'}"}
@@ -116,19 +119,19 @@ def text_of(design: Structure) -> str:
             "density": f"{m.density!r} kg/m3",
             "source": m.source,
         }
-    said: dict[str, Any] = {"family": design.family, "description": design.description, "geometry": geometry}
-    said |= {"sections": sections, "materials": materials, "working_mode": list(design.working_mode)}
-    return yaml.safe_dump(said, sort_keys=False, width=120, allow_unicode=True)
+    stated: dict[str, Any] = {"family": design.family, "description": design.description, "geometry": geometry}
+    stated |= {"sections": sections, "materials": materials, "working_mode": list(design.working_mode)}
+    return yaml.safe_dump(stated, sort_keys=False, width=120, allow_unicode=True)
 
 
 def _structure(
-    said: Mapping[str, Any], name: str, robot: str | None, changes: Mapping[str, Any], folder: Path
+    stated: Mapping[str, Any], name: str, robot: str | None, changes: Mapping[str, Any], folder: Path
 ) -> Structure:
-    family = said["family"]
+    family = stated["family"]
     made, extra = _FAMILIES[family]
-    if unknown := set(said) - _KEYS:
+    if unknown := set(stated) - _KEYS:
         raise InvalidDesign(f"unknown key '{sorted(map(str, unknown))[0]}'; known are {', '.join(sorted(_KEYS))}")
-    geometry = mapping(said.get("geometry", {}), "geometry")
+    geometry = mapping(stated.get("geometry", {}), "geometry")
     entries = {key: entry if isinstance(entry, dict) else {"value": entry} for key, entry in geometry.items()}
     known = [field.name for field in fields(TOPOLOGIES[family].geometry)]
     if unknown := set(entries) - {*known, *extra}:
@@ -142,20 +145,20 @@ def _structure(
     numbers = {key: _length(key, entry["value"]) for key, entry in entries.items() if key in known and "value" in entry}
     numbers |= {key: value for key, value in changes.items() if key in known}
     rest = {key: _extra(key, entries.get(key, {}).get("value", _DEFAULTS.get(key)), changes) for key in extra}
-    sections = read_sections(said)
+    sections = read_sections(stated)
     for kind in changes.get("rigid", ()):
         if kind not in sections:
             raise InvalidDesign(f"there is no tube '{kind}' to be rigid; there are {', '.join(sections)}")
         sections[kind] = replace(sections[kind], rigid=True)
     mechanism = _mechanism(
-        family, robot or said.get("robot"), numbers if robot is None else dict(changes), folder, known
+        family, robot or stated.get("robot"), numbers if robot is None else dict(changes), folder, known
     )
     assumed = [key for key, entry in entries.items() if entry.get("assumed") and key not in changes]
     assumed += [f"{kind} section" for kind, section in sections.items() if section.assumed]
-    mode = said.get("working_mode", mechanism.usual_working_mode)
+    mode = stated.get("working_mode", mechanism.usual_working_mode)
     mode = tuple(mode) if isinstance(mode, (list, tuple)) else (mode,)
     sources = {key: str(entry.get("source", "")) for key, entry in entries.items()}
-    common = (name, str(said.get("description", "")), mechanism, sections, mode, sources, tuple(assumed))
+    common = (name, str(stated.get("description", "")), mechanism, sections, mode, sources, tuple(assumed))
     structure: Structure = made(*common, **rest)
     return structure
 
@@ -186,16 +189,16 @@ def _length(key: str, value: Any) -> float:
 
 
 def _extra(key: str, value: Any, changes: Mapping[str, Any]) -> Any:
-    """A number of the geometry that only the elastic model has; changes are in SI."""
+    """A number of the geometry of the elastic model alone; changes are in SI."""
     if key in changes and key != "direction":
         return changes[key]
     if key == "platform_joint":
         return value
     if key == "direction":
-        said = changes.get(key, value)
-        if not isinstance(said, (list, tuple)) or len(said) != 2:
-            raise InvalidDesign(f"geometry.direction must be [x, z], got {said!r}")
-        x, z = (quantity(part, "ratio", "geometry.direction") for part in said)
+        stated = changes.get(key, value)
+        if not isinstance(stated, (list, tuple)) or len(stated) != 2:
+            raise InvalidDesign(f"geometry.direction must be [x, z], got {stated!r}")
+        x, z = (quantity(part, "ratio", "geometry.direction") for part in stated)
         return x, z
     if value is None:
         raise InvalidDesign(f"geometry lacks {key}")

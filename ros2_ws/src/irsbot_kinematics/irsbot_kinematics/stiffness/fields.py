@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from irsbot_kinematics.arithmetic import Array
-from irsbot_kinematics.errors import BadInput
-from irsbot_kinematics.maps import Box, reachable_box
-from irsbot_kinematics.stiffness.response import answers, deflection
+from irsbot_kinematics.analysis.workspace_maps import Box, axis_of, reachable_box
+from irsbot_kinematics.arguments import checked
+from irsbot_kinematics.numerics.arithmetic import Array
+from irsbot_kinematics.stiffness.response import deflection, evaluate_many
 from irsbot_kinematics.stiffness.structure import Structure
 
 
@@ -36,6 +36,7 @@ class DeflectionMap:
         return size
 
 
+@checked
 def deflection_map(
     design: Structure,
     wrench: ArrayLike,
@@ -44,12 +45,9 @@ def deflection_map(
 ) -> DeflectionMap:
     """Deflection over ranges of x and z, m; everything in reach if left out. Raises BadInput, SingularPosture."""
     area = reachable_box(design.mechanism) if box is None else Box(*box, ())
-    for low, high in (area.first, area.second):
-        if not (np.isfinite(low) and np.isfinite(high) and low < high and min(nodes) >= 2):
-            raise BadInput(f"a map needs a range low < high and at least 2 nodes, got {low} to {high} with {nodes}")
-    x, z = np.linspace(*area.first, nodes[0]), np.linspace(*area.second, nodes[1])
+    x, z = axis_of(area.first, nodes[0]), axis_of(area.second, nodes[1])
     poses = np.stack(np.meshgrid(x, z), axis=-1).reshape(-1, 2)
     shape = (len(z), len(x))
     twist = deflection(design, poses, wrench).reshape(*shape, 6)
-    status = answers(design, poses).status.reshape(shape)
+    status = evaluate_many(design, poses).status.reshape(shape)
     return DeflectionMap(x, z, np.asarray(wrench, dtype=float), twist, status)

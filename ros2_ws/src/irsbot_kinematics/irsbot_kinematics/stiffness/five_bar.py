@@ -10,8 +10,8 @@ from typing import ClassVar, cast
 
 import numpy as np
 
-from irsbot_kinematics.arithmetic import Array
 from irsbot_kinematics.mechanisms.five_bar import FiveBarGeometry
+from irsbot_kinematics.numerics.arithmetic import Array
 from irsbot_kinematics.stiffness.errors import InvalidDesign
 from irsbot_kinematics.stiffness.irsbot2 import SIGMA
 from irsbot_kinematics.stiffness.structure import Legs, Part, Structure

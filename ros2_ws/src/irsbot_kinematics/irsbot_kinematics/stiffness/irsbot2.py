@@ -14,8 +14,8 @@ from typing import ClassVar, cast
 
 import numpy as np
 
-from irsbot_kinematics.arithmetic import Array
-from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2Geometry
+from irsbot_kinematics.mechanisms.irsbot2_space.geometry import Irsbot2Geometry
+from irsbot_kinematics.numerics.arithmetic import Array
 from irsbot_kinematics.stiffness.structure import Legs, Part, Structure
 from irsbot_kinematics.stiffness.symmetric import apply, condensed, congruent, dot, inverse3
 from irsbot_kinematics.stiffness.tubes import Terms, require

@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import isfinite, pi
 from typing import Any
 
+from irsbot_kinematics.numerics.tolerances import LARGEST
 from irsbot_kinematics.stiffness.errors import InvalidDesign
 
 UNITS: dict[str, dict[str, float]] = {
@@ -17,27 +18,24 @@ UNITS: dict[str, dict[str, float]] = {
 }
 """SI value of each unit, by dimension. A ratio may be written without its unit."""
 
-LARGEST = 1e15
-"""1: no number of a machine is larger in its unit; keeps powers of it finite."""
 
-
-def quantity(said: Any, dimension: str, what: str) -> float:
+def quantity(stated: Any, dimension: str, what: str) -> float:
     """SI value of a number with its unit. Raises InvalidDesign for a missing or wrong unit, and for what is no number.
 
     said: text such as `60 mm`. dimension: key of UNITS. what: name of the entry, for the message.
     """
     units = UNITS[dimension]
-    parts = str(said).split()
+    parts = str(stated).split()
     if dimension == "ratio" and len(parts) == 1:
         parts = [*parts, "1"]
     try:
         value = float(parts[0])
     except (ValueError, IndexError):
-        raise InvalidDesign(f"{what} must be a number with a unit ({', '.join(units)}), got {said!r}") from None
+        raise InvalidDesign(f"{what} must be a number with a unit ({', '.join(units)}), got {stated!r}") from None
     if len(parts) == 1:
-        raise InvalidDesign(f"{what} has no unit: {said!r}; write for example '{parts[0]} {next(reversed(units))}'")
+        raise InvalidDesign(f"{what} has no unit: {stated!r}; write for example '{parts[0]} {next(reversed(units))}'")
     if len(parts) != 2 or parts[1] not in units:
-        raise InvalidDesign(f"{what} must have a unit of {dimension} ({', '.join(units)}), got {said!r}")
+        raise InvalidDesign(f"{what} must have a unit of {dimension} ({', '.join(units)}), got {stated!r}")
     if not isfinite(value) or not abs(value) <= LARGEST:
-        raise InvalidDesign(f"{what} must be finite and at most {LARGEST:g}, got {said!r}")
+        raise InvalidDesign(f"{what} must be finite and at most {LARGEST:g}, got {stated!r}")
     return value * units[parts[1]]

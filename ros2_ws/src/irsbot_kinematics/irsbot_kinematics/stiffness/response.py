@@ -12,10 +12,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from irsbot_kinematics.arithmetic import Array
+from irsbot_kinematics import arguments
+from irsbot_kinematics.arguments import checked
 from irsbot_kinematics.batch import inverse_many
 from irsbot_kinematics.errors import BadInput, Unreachable
 from irsbot_kinematics.mechanism import Status
+from irsbot_kinematics.numerics.arithmetic import Array
+from irsbot_kinematics.numerics.tolerances import FARTHEST
 from irsbot_kinematics.stiffness.chains import ChainStructure
 from irsbot_kinematics.stiffness.errors import SingularPosture
 from irsbot_kinematics.stiffness.structure import Legs, Structure
@@ -34,7 +37,7 @@ Design = Structure | ChainStructure
 
 
 @dataclass(frozen=True)
-class Answers:
+class Responses:
     """Stiffness and compliance in N poses; rows are NaN where `status` is not SOLVED."""
 
     status: NDArray[np.uint8]
@@ -47,7 +50,8 @@ class Answers:
     """(N, 6, 6), 0 for the coordinates that the structure never holds."""
 
 
-def answers(design: Structure, poses: ArrayLike) -> Answers:
+@checked
+def evaluate_many(design: Structure, poses: ArrayLike) -> Responses:
     """Stiffness, compliance and status of many poses (N, 2). Raises BadInput for another shape."""
     X = table_of(poses)
     number = len(X)
@@ -62,7 +66,7 @@ def answers(design: Structure, poses: ArrayLike) -> Answers:
         status[rows], reach[rows] = found, near
         K[rows][reached & ~legs.singular] = full(planar, lateral)[reached & ~legs.singular]
         C[rows][held] = full(cp, cl)[held]
-    return Answers(status, reach, K, C)
+    return Responses(status, reach, K, C)
 
 
 def postures(design: Structure, poses: Array) -> Iterator[tuple[slice, Legs, NDArray[np.uint8], Array]]:
@@ -95,6 +99,7 @@ def compliances(design: Structure, planar: Array, lateral: Array) -> list[tuple[
     return found
 
 
+@checked
 def matrix(design: Design, pose: ArrayLike = ()) -> Array:
     """Stiffness (6, 6) at P of one pose, (N, 6, 6) of many; symmetric, positive semidefinite, N/m, N, N m/rad.
 
@@ -106,6 +111,7 @@ def matrix(design: Design, pose: ArrayLike = ()) -> Array:
     return _of_poses(design, pose, need_inverse=False)[0]
 
 
+@checked
 def compliance(design: Design, pose: ArrayLike = ()) -> Array:
     """Compliance (6, 6) of one pose, (N, 6, 6) of many: inverse of `matrix` on the coordinates that are held.
 
@@ -116,15 +122,14 @@ def compliance(design: Design, pose: ArrayLike = ()) -> Array:
     return _of_poses(design, pose, need_inverse=True)[1]
 
 
+@checked
 def deflection(design: Design, pose: ArrayLike, wrench: ArrayLike) -> Array:
     """Twist (6,) of the platform under a wrench (6,) at P; (N, 6) for many poses. Actuators locked.
 
     The twist of a coordinate that the joints leave free (`design.free`) is not determined and returned as 0.
     Raises SingularPosture for a wrench along such a coordinate, and what `matrix` raises.
     """
-    w = np.asarray(wrench, dtype=float)
-    if w.shape != (6,) or not np.isfinite(w).all():
-        raise BadInput(f"a wrench must be 6 finite numbers [fx fy fz mx my mz], got {wrench!r}")
+    w = np.array(arguments.vector(wrench, 6, "wrench [fx fy fz mx my mz]"))
     if isinstance(design, ChainStructure):
         return design.deflection(w)
     for at in design.free:
@@ -137,20 +142,20 @@ def deflection(design: Design, pose: ArrayLike, wrench: ArrayLike) -> Array:
     return moved
 
 
+@checked
 def frequency(design: Design, pose: ArrayLike, mass_kg: float, inertia: ArrayLike | None = None) -> Array | float:
     """First natural frequency, Hz, of a platform of mass_kg on the massless structure; (N,) for many poses.
 
     inertia: (3, 3) about P in base axes, kg m2, centre of mass at P; without it the platform turns without inertia.
     Coordinates that the joints leave free are held: their frequency is 0. Raises what `matrix` raises, BadInput.
     """
-    if not 0.0 < mass_kg < np.inf:
-        raise BadInput(f"the mass must be > 0 kg, got {mass_kg!r}")
+    mass_kg = arguments.positive(mass_kg, "mass_kg")
     M = np.zeros((6, 6))
     M[:3, :3] = mass_kg * np.eye(3)
     if inertia is not None:
-        turning = np.asarray(inertia, dtype=float)
-        if turning.shape != (3, 3) or not np.allclose(turning, turning.T) or np.linalg.eigvalsh(turning)[0] < 0.0:
-            raise BadInput(f"the inertia must be symmetric and positive (3, 3) kg m2, got {inertia!r}")
+        turning = arguments.matrix(inertia, (3, 3), "inertia")
+        if not np.allclose(turning, turning.T) or np.linalg.eigvalsh(turning)[0] < 0.0:
+            raise BadInput(f"inertia must be symmetric and positive (3, 3) kg m2, got {arguments.shown(inertia)}")
         M[3:, 3:] = turning
     values, vectors = np.linalg.eigh(M)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
@@ -165,29 +170,23 @@ def frequency(design: Design, pose: ArrayLike, mass_kg: float, inertia: ArrayLik
 def _of_poses(design: Structure, pose: ArrayLike, *, need_inverse: bool) -> tuple[Array, Array]:
     """Stiffness and compliance of many poses, or of one; what refuses that is raised."""
     if not _single(pose):
-        many = answers(design, pose)
+        many = evaluate_many(design, pose)
         return many.stiffness, many.compliance
-    one = answers(design, np.atleast_2d(pose))
+    one = evaluate_many(design, np.atleast_2d(np.array(arguments.vector(pose, 2, "pose (x, z)", FARTHEST))))
     _refuse(design, one, pose, need_inverse=need_inverse)
     return one.stiffness[0], one.compliance[0]
 
 
 def _single(pose: ArrayLike) -> bool:
-    return np.ndim(pose) == 1
+    return arguments.array(pose, "pose", "x and z in m").ndim < 2
 
 
 def table_of(poses: ArrayLike) -> Array:
     """Many poses as (N, 2). Raises BadInput for another shape."""
-    try:
-        X = np.asarray(poses, dtype=float)
-    except (TypeError, ValueError):
-        raise BadInput(f"a pose must be x and z in m, got {poses!r}") from None
-    if X.ndim != 2 or X.shape[1] != 2:
-        raise BadInput(f"a pose must be x and z in m, (2,) for one and (N, 2) for many, got the shape {X.shape}")
-    return X
+    return arguments.table(poses, 2, "poses")
 
 
-def _refuse(design: Structure, found: Answers, pose: ArrayLike, *, need_inverse: bool) -> None:
+def _refuse(design: Structure, found: Responses, pose: ArrayLike, *, need_inverse: bool) -> None:
     """Raise for a single pose without an answer."""
     where = np.ravel(pose).tolist()
     status = found.status[0]
@@ -201,7 +200,7 @@ def _refuse(design: Structure, found: Answers, pose: ArrayLike, *, need_inverse:
         raise SingularPosture(where, f"the legs leave the platform free to move by {free_motion(design, found)}")
 
 
-def free_motion(design: Structure, found: Answers) -> str:
+def free_motion(design: Structure, found: Responses) -> str:
     """The softest twist of the first posture in words, largest part 1: of the block that is nearest to singular."""
     softest: list[tuple[float, list[str]]] = []
     for coordinates in (PLANAR, LATERAL):

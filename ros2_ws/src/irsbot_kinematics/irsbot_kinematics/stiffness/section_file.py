@@ -1,4 +1,4 @@
-"""The parts of a design file that every family has: materials and sections."""
+"""The common parts of design files: materials and sections."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ def mapping(value: Any, what: str) -> Mapping[str, Any]:
     return value
 
 
-def read_sections(said: Mapping[str, Any]) -> dict[str, Section]:
+def read_sections(stated: Mapping[str, Any]) -> dict[str, Section]:
     """The sections of a file, with the materials it defines. Raises InvalidDesign."""
-    own = mapping(said.get("materials", {}), "materials")
+    own = mapping(stated.get("materials", {}), "materials")
     materials = {str(name): material_of(entry, str(name), "materials") for name, entry in own.items()}
-    sections = mapping(said.get("sections"), "sections")
+    sections = mapping(stated.get("sections"), "sections")
     return {str(kind): _section(entry, f"sections.{kind}", materials) for kind, entry in sections.items()}
 
 
-def _section(said: Any, what: str, materials: Mapping[str, Material]) -> Section:
-    entry = mapping(said, what)
+def _section(stated: Any, what: str, materials: Mapping[str, Material]) -> Section:
+    entry = mapping(stated, what)
     if not {"outer", "inner", "material"} <= set(entry) <= _KEYS:
-        raise InvalidDesign(f"{what} needs outer, inner, material and may have source, assumed, rigid, got {said!r}")
+        raise InvalidDesign(f"{what} needs outer, inner, material and may have source, assumed, rigid, got {stated!r}")
     for key in ("rigid", "assumed"):
         if not isinstance(entry.get(key, False), bool):
             raise InvalidDesign(f"{what}.{key} must be true or false, got {entry[key]!r}")

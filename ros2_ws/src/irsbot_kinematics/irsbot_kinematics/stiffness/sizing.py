@@ -16,32 +16,34 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from irsbot_kinematics.arithmetic import Array
+from irsbot_kinematics.arguments import check_fields, checked, interval
 from irsbot_kinematics.batch import inverse_many
+from irsbot_kinematics.description.topologies import built
 from irsbot_kinematics.errors import BadInput, KinematicsError
 from irsbot_kinematics.mechanism import Mechanism, Status
 from irsbot_kinematics.mechanisms import Topology
+from irsbot_kinematics.numerics.arithmetic import Array
 from irsbot_kinematics.stiffness.comparison import POSES, SIDEWAYS_N, Statistics, statistics
 from irsbot_kinematics.stiffness.response import compliances
 from irsbot_kinematics.stiffness.structure import Structure
-from irsbot_kinematics.topologies import built
 
 ACTIVE = 1e-3
 """1: a constraint within this share of its limit, or a variable within this share of its range from an end, is active.
 Far above the tolerance of the search, far below what a tube is made to."""
 
 POLISH_TOL = 1e-6
-"""1: share of the limits by which SLSQP has to stay below them, because it meets constraints only to its tolerance."""
+"""1: share of the limits by which SLSQP has to stay below them, because it satisfies constraints only to its
+tolerance."""
 
 Range = tuple[float, float]
 
 
 @dataclass(frozen=True)
 class Task:
-    """What to size. Lengths in m, angles in rad."""
+    """A sizing problem. Lengths in m, angles in rad."""
 
     start: Structure
-    """Gives everything that is not varied."""
+    """Design that provides everything that is not varied."""
     largest_m: float
     """Limit of the largest deflection along y0 under 100 N."""
     mean_m: float = np.inf
@@ -49,9 +51,9 @@ class Task:
     outer: Range = (0.02, 0.12)
     """Outer diameters."""
     wall: Range = (0.001, 0.01)
-    """Wall thicknesses: what can be bought and welded."""
+    """Range of wall thicknesses that can be bought and welded."""
     tubes: tuple[str, ...] = ()
-    """Kinds of tubes to size; all of them if empty."""
+    """Kinds of tubes to size; empty: all."""
     lengths: Mapping[str, Range] = field(default_factory=dict)
     """Numbers of the geometry to vary as well, such as a1 or spacing."""
     poses: Array = field(default_factory=lambda: POSES)
@@ -61,12 +63,12 @@ class Task:
     """Candidates per variable."""
 
     def __post_init__(self) -> None:
+        check_fields(self)
         for name in ("largest_m", "mean_m"):
             if not getattr(self, name) > 0.0:
                 raise BadInput(f"{name} must be a deflection > 0 m, got {getattr(self, name)!r}")
-        for name, (low, high) in {"outer": self.outer, "wall": self.wall, **self.lengths}.items():
-            if not (np.isfinite(low) and np.isfinite(high) and low < high):
-                raise BadInput(f"the range of {name} must be low < high, got {low!r} to {high!r}")
+        for name, ends in {"outer": self.outer, "wall": self.wall, **self.lengths}.items():
+            interval(ends, f"range of {name}")
         if not 0.0 < 2.0 * self.wall[1] <= self.outer[0]:
             raise BadInput(f"twice the wall {self.wall[1]:g} m must fit into the outer diameter {self.outer[0]:g} m")
         if not self.wall[0] > 0.0:
@@ -100,7 +102,7 @@ class Task:
 
 
 class Active(NamedTuple):
-    """A constraint or an end of a range that holds the design back."""
+    """An active constraint, or an active end of a range."""
 
     name: str
     value: float
@@ -109,24 +111,25 @@ class Active(NamedTuple):
 
 @dataclass(frozen=True)
 class Sized:
-    """The design found, and what holds it back."""
+    """The design found, and its active constraints."""
 
     design: Structure
     statistics: Statistics
     before: Statistics | None
-    """Of the design that the search started from; None if a pose is out of its reach."""
+    """Values of the initial design; None if a pose is out of its reach."""
     active: tuple[Active, ...]
     evaluations: int
 
 
 class NoSize(KinematicsError):
-    """No tubes within the ranges meet the limits; the message names the least deflection that was met."""
+    """No tubes within the ranges meet the limits; the message has the least deflection found."""
 
 
+@checked
 def size(task: Task, progress: Callable[[int, float], None] | None = None) -> Sized:
-    """The lightest design that the search finds. progress: called with the generation and the least mass so far.
+    """The lightest design found. progress: called with the generation and the least mass so far.
 
-    Raises NoSize where no design meets the limits, BadInput where a pose is out of reach and no length is varied.
+    Raises NoSize if no design meets the limits, BadInput if a pose is out of reach and no length is varied.
     """
     from scipy.optimize import NonlinearConstraint, differential_evolution  # takes half a second to load
 
@@ -171,7 +174,7 @@ def size(task: Task, progress: Callable[[int, float], None] | None = None) -> Si
 
 
 class _Judge:
-    """Mass and constraints of one candidate; a candidate that cannot be built is infinitely heavy and soft."""
+    """Mass and constraints of one candidate; an invalid candidate has infinite mass and deflection."""
 
     def __init__(self, task: Task, names: list[str]) -> None:
         self.task, self.names, self.evaluations = task, names, 0
@@ -212,7 +215,7 @@ class _Judge:
         return self._last[1], self._last[2]
 
     def _sideways(self, design: Structure) -> Array:
-        """As `comparison.sideways`, infinite where there is no answer. Joints are looked up where only tubes change."""
+        """`comparison.sideways`, infinite if there is no result. Joints are reused if only tubes change."""
         poses = self.task.poses
         if design.mechanism is not self._mechanism:
             self._joints, status, _ = inverse_many(design.mechanism, poses, design.working_mode)
@@ -232,7 +235,7 @@ class _Judge:
         return self._answer(values)[1]
 
     def excess(self, values: Array) -> Array:
-        """(2,) largest and mean deflection over their limits, less 1; not positive where they are met."""
+        """(2,) largest and mean deflection over their limits, minus 1; not positive if the limits are met."""
         moved = self.moved(values)
         found: Array = np.minimum(np.array([moved.max(), moved.mean()]), 1e3) / self.limits - 1.0
         return found

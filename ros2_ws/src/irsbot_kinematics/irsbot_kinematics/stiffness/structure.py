@@ -1,4 +1,4 @@
-"""What the elastic robots have in common: two legs that mirror themselves in the plane of motion, at a common point P.
+"""Base of the elastic robots: two legs, mirror images in the plane of motion, at a common point P.
 
 Actuators locked; tubes elastic; joints, platform and base rigid (elastostatic sheet section 1).
 """
@@ -13,8 +13,8 @@ from typing import ClassVar, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from irsbot_kinematics.arithmetic import Array
 from irsbot_kinematics.mechanism import Mechanism, Signs
+from irsbot_kinematics.numerics.arithmetic import Array
 from irsbot_kinematics.stiffness.errors import InvalidDesign
 from irsbot_kinematics.stiffness.tubes import Section, Tube
 
@@ -42,7 +42,7 @@ class Legs(NamedTuple):
     grip: Array
     """(2, N, 2) vector [x z] from P to the far end of the equivalent rod, m."""
     singular: NDArray[np.bool_]
-    """(N,) true where a leg itself is singular; its stiffness means nothing there."""
+    """(N,) True if a leg itself is singular; its stiffness is then invalid."""
 
 
 @dataclass(frozen=True)
@@ -51,10 +51,10 @@ class Structure(ABC):
 
     family: ClassVar[str]
     kinds: ClassVar[tuple[str, ...]]
-    """Names of the tubes that the family is made of."""
+    """Kinds of tubes of the family."""
     may_be_rigid: ClassVar[tuple[str, ...]] = ()
     why_singular: ClassVar[str]
-    """What `Legs.singular` means."""
+    """Meaning of `Legs.singular`."""
 
     name: str
     description: str
@@ -62,7 +62,7 @@ class Structure(ABC):
     sections: Mapping[str, Section]
     working_mode: Signs
     sources: Mapping[str, str]
-    """Where each number of the geometry comes from."""
+    """Source of each number of the geometry."""
     assumed: tuple[str, ...]
     """Numbers that the source does not print."""
 
@@ -86,7 +86,7 @@ class Structure(ABC):
 
     @abstractmethod
     def legs(self, joints: Array, pose: Array) -> Legs:
-        """Legs at joints (N, 2) and poses (N, 2) that belong together."""
+        """Legs at consistent joints (N, 2) and poses (N, 2)."""
 
     @property
     @abstractmethod
@@ -95,7 +95,7 @@ class Structure(ABC):
 
     @property
     def length_m(self) -> float:
-        """Length that makes moments comparable with forces."""
+        """Length by which moments are divided to compare them with forces."""
         return self.mechanism.length_m
 
     @property

@@ -1,4 +1,4 @@
-"""How far bending takes a robot from where its joints say it is: an error for the margins' uncertainties.
+"""Deflection of a robot from the posture that its joints show: an error for the margins' uncertainties.
 
 The motors hold their angles, the tubes bend. A margin judged at the rigid posture is then that of another machine: the
 near end H of each equivalent rod is displaced by |dH|, its far end moves on the platform by |dG - dP|, and the rod is
@@ -8,8 +8,8 @@ longer or shorter by |dl|. A rod of its nominal length and direction that ends a
 
 from where the rigid crank holds it: the directions of the bent rods are those of a machine whose legs are held by the
 base within `slack` of their places, which `Mechanism.guarantee` covers as `slack_m`. So it holds for Type 2; Type 1 and
-the constraint margin, see docs/stiffness.md. First order in the load, exact in the lengths; loads across the plane of
-motion do not change the planar loop. Ours; proved against 3-D frames by sampling.
+the constraint margin, see docs/explanation/stiffness.md. First order in the load, exact in the lengths; loads across
+the plane of motion do not change the planar loop. Ours; proved against 3-D frames by sampling.
 """
 
 from __future__ import annotations
@@ -20,16 +20,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from irsbot_kinematics.arithmetic import Array
+from irsbot_kinematics.analysis.rectangle import Limits
+from irsbot_kinematics.analysis.workspace_maps import Box, reachable_box
+from irsbot_kinematics.arguments import check_fields, checked
 from irsbot_kinematics.batch import evaluate_many, inverse_many
-from irsbot_kinematics.design.rectangle import Limits
 from irsbot_kinematics.errors import BadInput
-from irsbot_kinematics.maps import Box, reachable_box
 from irsbot_kinematics.mechanism import Status
+from irsbot_kinematics.numerics.arithmetic import Array
+from irsbot_kinematics.numerics.tolerances import SAME_POSE_TOL
 from irsbot_kinematics.stiffness.errors import SingularPosture
 from irsbot_kinematics.stiffness.response import compliances, postures, table_of
 from irsbot_kinematics.stiffness.structure import Legs, Structure
-from irsbot_kinematics.tolerances import SAME_POSE_TOL
 
 COARSE = 121
 """Nodes of the first grid along each axis; the second has half its step."""
@@ -41,7 +42,7 @@ INNER = 9
 
 @dataclass(frozen=True)
 class Load:
-    """What may act on the platform at P, in any direction: a ball of forces and a ball of moments."""
+    """Loads on the platform at P in any direction: a ball of forces and a ball of moments."""
 
     force_n: float = 0.0
     """N, of the process."""
@@ -54,6 +55,7 @@ class Load:
     gravity_m_s2: float = 9.80665
 
     def __post_init__(self) -> None:
+        check_fields(self)
         for name, value in vars(self).items():
             if not 0.0 <= value < np.inf:
                 raise BadInput(f"{name} must be a number >= 0, got {value!r}")
@@ -95,6 +97,7 @@ class ComplianceError:
     limits: Limits
 
 
+@checked
 def pose_errors(design: Structure, poses: ArrayLike, load: Load) -> PoseErrors:
     """Bounds of the errors in poses (N, 2) m, over all directions of the load. Raises BadInput for another shape."""
     X = table_of(poses)
@@ -110,6 +113,7 @@ def pose_errors(design: Structure, poses: ArrayLike, load: Load) -> PoseErrors:
     return PoseErrors(*found)
 
 
+@checked
 def compliance_error(
     design: Structure, load: Load, limits: Limits, box: tuple[tuple[float, float], tuple[float, float]] | None = None
 ) -> ComplianceError:

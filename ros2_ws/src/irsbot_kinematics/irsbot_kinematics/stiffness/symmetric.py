@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from irsbot_kinematics.arithmetic import Array
+from irsbot_kinematics.numerics.arithmetic import Array
 
 PLANAR = (0, 2, 4)
 LATERAL = (1, 3, 5)

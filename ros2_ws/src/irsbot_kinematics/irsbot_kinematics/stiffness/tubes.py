@@ -1,4 +1,4 @@
-"""Materials and round tubes: frozen records that refuse what cannot be built, and the compliance of a tube.
+"""Materials and round tubes: frozen records that refuse impossible values, and the compliance of a tube.
 
 Euler-Bernoulli beam without shear: elastostatic sheet section 3, with [S1] Fig. 10 for the spring at the tube's end.
 """
@@ -13,12 +13,13 @@ from math import inf, pi
 import numpy as np
 import yaml
 
-from irsbot_kinematics.arithmetic import Array
+from irsbot_kinematics.arguments import check_fields, checked, shown
+from irsbot_kinematics.numerics.arithmetic import Array
 from irsbot_kinematics.stiffness.errors import InvalidDesign
 from irsbot_kinematics.stiffness.quantities import quantity
 
 LONGEST_M = 1e6
-"""m: no tube is longer or wider; keeps the powers of its size finite."""
+"""m: longer or wider tubes are refused; powers of the size stay finite."""
 
 
 def require(rule: str, holds: bool, value: float) -> None:
@@ -41,6 +42,7 @@ class Material:
     source: str = ""
 
     def __post_init__(self) -> None:
+        check_fields(self, InvalidDesign)
         require("a material needs a modulus young > 0 Pa", 0.0 < self.young < inf, self.young)
         require("a material needs -1 < poisson <= 0.5", -1.0 < self.poisson <= 0.5, self.poisson)
         require("a material needs a density > 0 kg/m3", 0.0 < self.density < inf, self.density)
@@ -55,17 +57,19 @@ class Material:
 def materials() -> dict[str, Material]:
     """The shipped materials by name."""
     text = resources.files("irsbot_kinematics").joinpath("stiffness/presets/materials.yaml").read_text(encoding="utf-8")
-    return {name: material_of(said, name, "materials.yaml") for name, said in yaml.safe_load(text).items()}
+    return {name: material_of(stated, name, "materials.yaml") for name, stated in yaml.safe_load(text).items()}
 
 
-def material_of(said: object, name: str, where: str) -> Material:
+def material_of(stated: object, name: str, where: str) -> Material:
     """A material from its mapping {young, poisson, density, source}. Raises InvalidDesign."""
     wanted = {"young": "pressure", "poisson": "ratio", "density": "density"}
-    if not isinstance(said, dict) or not set(wanted) <= set(said) <= {*wanted, "source"}:
-        raise InvalidDesign(f"{where}: material '{name}' needs {', '.join(wanted)} and may have a source, got {said!r}")
-    E, nu, rho = (quantity(said[key], dimension, f"{where}: {name}.{key}") for key, dimension in wanted.items())
+    if not isinstance(stated, dict) or not set(wanted) <= set(stated) <= {*wanted, "source"}:
+        raise InvalidDesign(
+            f"{where}: material '{name}' needs {', '.join(wanted)} and may have a source, got {stated!r}"
+        )
+    E, nu, rho = (quantity(stated[key], dimension, f"{where}: {name}.{key}") for key, dimension in wanted.items())
     try:
-        return Material(E, nu, rho, name, str(said.get("source", "")))
+        return Material(E, nu, rho, name, str(stated.get("source", "")))
     except InvalidDesign as error:
         raise InvalidDesign(f"{where}: material '{name}': {error}") from None
 
@@ -79,7 +83,7 @@ def shipped_material(name: str) -> Material:
 
 @dataclass(frozen=True)
 class Section:
-    """Cross section of the tubes of one kind, and where its numbers come from."""
+    """Cross section of the tubes of one kind, and the sources of its numbers."""
 
     outer: float
     """Outer diameter, m."""
@@ -87,12 +91,13 @@ class Section:
     """Inner diameter, m; 0 for a solid bar."""
     material: Material
     rigid: bool = False
-    """The tube has its mass but does not deform: for a part that is built otherwise and much stiffer."""
+    """The tube has its mass but does not deform: for a much stiffer part of another construction."""
     source: str = ""
     assumed: bool = False
     """True for numbers that the source does not print."""
 
     def __post_init__(self) -> None:
+        check_fields(self, InvalidDesign)
         self.tube(1.0)
 
     def tube(self, length: float) -> Tube:
@@ -102,7 +107,7 @@ class Section:
 
 @dataclass(frozen=True)
 class Tube:
-    """A round tube: `Tube(0.06, 0.05, 0.375, "aluminium")`. Raises InvalidDesign for what cannot be built."""
+    """A round tube: `Tube(0.06, 0.05, 0.375, "aluminium")`. Raises InvalidDesign for impossible values."""
 
     outer: float
     """Outer diameter, m."""
@@ -111,7 +116,7 @@ class Tube:
     length: float
     """m."""
     material: Material
-    """The name of a shipped material will do."""
+    """A material, or the name of a shipped one."""
     rigid: bool = False
     """The tube has its mass but does not deform."""
 
@@ -120,7 +125,8 @@ class Tube:
         if isinstance(given, str):
             object.__setattr__(self, "material", shipped_material(given))
         elif not isinstance(given, Material):
-            raise InvalidDesign(f"a tube needs a Material or the name of a shipped one, got {given!r}")
+            raise InvalidDesign(f"a tube needs a Material or the name of a shipped one, got {shown(given)}")
+        check_fields(self, InvalidDesign)
         require("a tube needs an outer diameter > 0 m", 0.0 < self.outer <= LONGEST_M, self.outer)
         require("a tube needs an inner diameter >= 0 m", self.inner >= 0.0, self.inner)
         if not self.inner < self.outer:
@@ -145,7 +151,7 @@ class Tube:
 
     @property
     def terms(self) -> Terms:
-        """What the tip gives way by, see `Terms`."""
+        """Terms of the compliance of the tip, see `Terms`."""
         if self.rigid:
             return Terms(0.0, 0.0, 0.0, 0.0, 0.0)
         E, L, inertia = self.material.young, self.length, self.second_moment
@@ -174,6 +180,7 @@ class Terms:
     """C26 = -C35, rad/N and m/(N m): slope per lateral force."""
 
 
+@checked
 def tube_compliance(tube: Tube) -> Array:
     """Compliance (6, 6) of the free end of a tube whose other end is clamped, in the tube's own axes.
 

@@ -67,7 +67,7 @@ class Near(NamedTuple):
 def near(robot: irs.Robot, at: irs.Posture, joints: Array) -> Near | irs.Evaluations:
     """Postures at joints (N, n) near those of `at`: by its label, or followed where labels do not hold."""
     mechanism = robot.mechanism
-    if mechanism.labels_hold:
+    if mechanism.label_is_invariant:
         return robot.evaluate_many(joints, at.assembly_mode)
     found = [mechanism.track(tuple(q), at) for q in joints.tolist()]
     limb = [one.limb or (np.nan,) * mechanism.limb_count for one in found]

@@ -9,7 +9,8 @@ from frame import SIGMA, Pipe, irsbot2_frame
 from irsbot2_3d import Design
 
 from irsbot_kinematics import stiffness
-from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2, Irsbot2Geometry
+from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2
+from irsbot_kinematics.mechanisms.irsbot2_space.geometry import Irsbot2Geometry
 from irsbot_kinematics.stiffness import Irsbot2Structure, Material, Section
 from irsbot_kinematics.stiffness.response import postures
 
@@ -62,7 +63,7 @@ def random_irsbot2(rng, narrow=1.0):
                 psi[-1] = toward - w * (pi - asin(g.l1 * sin(at_foot) / g.l2eq))
         q, psi = np.array(q), np.array(psi)
         flat = [abs(sin(angle) * cos(t) + cos(angle) * sin(t)) for t in q]
-        answer = stiffness.answers(design, pose[None, :])
+        answer = stiffness.evaluate_many(design, pose[None, :])
         if min(flat) < 0.2 or answer.status[0] != 0:
             continue
         d3 = Design(g.l1, g.l2eq, g.b, g.p, g.a1, g.a2, g.beta, g.e)

@@ -21,7 +21,7 @@ class Machine(NamedTuple):
 
     r: Array
     """(n, m) unit directions, near end to platform."""
-    arms: Array
+    attachments: Array
     """(n, 2) m; 0 where the platform cannot turn."""
     length: Array
     """(n,) m"""
@@ -33,12 +33,14 @@ class Machine(NamedTuple):
     @property
     def posture(self) -> SimpleNamespace:
         """Screws and arms as a posture has them."""
-        arms = tuple(map(tuple, self.arms.tolist())) if self.turns else ()
-        return SimpleNamespace(screws=tuple(map(tuple, rows(self, self.r, self.arms).tolist())), arms=arms)
+        attachments = tuple(map(tuple, self.attachments.tolist())) if self.turns else ()
+        return SimpleNamespace(
+            screws=tuple(map(tuple, rows(self, self.r, self.attachments).tolist())), attachments=attachments
+        )
 
     @property
-    def span(self) -> float:
-        return float(np.linalg.norm(self.arms[:, None] - self.arms[None], axis=2).max())
+    def diameter(self) -> float:
+        return float(np.linalg.norm(self.attachments[:, None] - self.attachments[None], axis=2).max())
 
 
 class Met(NamedTuple):
@@ -101,8 +103,8 @@ def _rods(machine: Machine, pose: Array, shift: Array, elsewhere: Array | float)
     m = machine.r.shape[1]
     turn = pose[:, m] if machine.turns else np.zeros(len(pose))
     c, s = np.cos(turn)[:, None], np.sin(turn)[:, None]
-    x, y = np.moveaxis(machine.arms + elsewhere, -1, 0)
+    x, y = np.moveaxis(machine.attachments + elsewhere, -1, 0)
     held = np.stack([c * x - s * y, s * x + c * y], axis=2)
     rods = machine.length[:, None] * machine.r + pose[:, None, :m] - shift
-    rods[..., :2] += held - machine.arms
+    rods[..., :2] += held - machine.attachments
     return rods, held

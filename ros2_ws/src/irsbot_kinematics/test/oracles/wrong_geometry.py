@@ -19,7 +19,8 @@ from wrong_machines import rails, rods
 
 import irsbot_kinematics as irs
 from irsbot_kinematics.mechanisms.five_bar import FiveBar, FiveBarGeometry
-from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2, Irsbot2Geometry
+from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2
+from irsbot_kinematics.mechanisms.irsbot2_space.geometry import Irsbot2Geometry
 from irsbot_kinematics.mechanisms.linear_delta import LinearDelta, LinearDeltaGeometry
 from irsbot_kinematics.mechanisms.rails2 import Rails2, Rails2Geometry
 from irsbot_kinematics.mechanisms.rails3 import Rails3, Rails3Geometry
@@ -165,7 +166,7 @@ def kappa_of_wrong_legs(robot: irs.Robot, psi: Array, e: Array) -> Array:
 # --- attacks ---
 
 
-def columns(found: Truth | irs.Posture | irs.Guarantee) -> Array:
+def columns(found: Truth | irs.Posture | irs.CertifiedBounds) -> Array:
     """(N, margins) of margins that the machine has."""
     constraint = np.atleast_1d(found.constraint)
     type2 = np.atleast_1d(found.type2)

@@ -1,7 +1,7 @@
 """Every robot as a platform on rods, so that it can be closed with legs that are wrong.
 
 From the drawings: where the rods' near ends are, how they go with the joints, and margins from the rods' directions.
-Only the rods' directions and the arms of the first posture are taken from the library.
+Only the rods' directions and the attachments of the first posture are taken from the library.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Driven(NamedTuple):
 
 def rods(robot: irs.Robot, at: irs.Posture) -> Machine:
     """The machine of a posture as the library gives it."""
-    size = len(at.pose) - bool(at.arms)
+    size = len(at.pose) - bool(at.attachments)
     r = np.array([screw[:size] for screw in at.screws])
     g = robot.mechanism.geometry
     length = {
@@ -43,7 +43,7 @@ def rods(robot: irs.Robot, at: irs.Posture) -> Machine:
         "rpr3": lambda: np.array(at.joints),
         "rails2": lambda: np.array([at.joints[0], g.L2, g.L3]),
     }.get(robot.mechanism.kind, lambda: getattr(g, "l2", None) or np.array(g.L))()
-    return Machine(r, np.array(at.arms) if at.arms else np.zeros((len(r), 2)), length * np.ones(len(r)))
+    return Machine(r, np.array(at.attachments) if at.attachments else np.zeros((len(r), 2)), length * np.ones(len(r)))
 
 
 def rails(robot: irs.Robot) -> Array:
@@ -67,7 +67,7 @@ def driven(robot: irs.Robot, at: irs.Posture, ahead: Array) -> Driven:
         struts = np.isnan(ways[..., 0])
         return Driven(np.nan_to_num(ahead[..., None] * ways), np.where(struts, ahead, 0.0), ways, q)
     down = len(now) == 2  # cranks in the x-z plane turn about +y, which takes x to -z
-    size = len(at.pose) - bool(at.arms)
+    size = len(at.pose) - bool(at.attachments)
 
     def vectors(x: Array, y: Array) -> Array:
         return np.stack([x, -y if down else y, 0.0 * x][:size], axis=-1)

@@ -16,7 +16,7 @@ from rich.table import Table
 
 from irsbot_kinematics import BadInput, certify_loop
 from irsbot_kinematics import algebra as al
-from irsbot_kinematics.loops import circle
+from irsbot_kinematics.analysis.loops import circle
 from irsbot_kinematics.robot import robots
 from irsbot_supervisor.cli.common import NUMBERS, Failed, err, numbers, out, print_json
 
@@ -27,7 +27,7 @@ app = typer.Typer(
 )
 
 WIDE = 400
-"""Columns of the terminal that a table may take."""
+"""Columns of the terminal that a table may use."""
 
 Name = Annotated[str, typer.Argument(help="manipulator (see `irsbot algebra names`), robot file, or file of equations")]
 Fix = Annotated[list[str] | None, typer.Option("--fix", help="fixed variable, such as rho1=17; once for each")]
@@ -129,8 +129,8 @@ def cells(
     if len(ranges) != 2:
         raise BadInput(f"give --box twice, such as --box {system.joints[0]}=0:1, got {len(ranges)} of them")
     target = _picture(plot) if plot else None
-    with _progress() as said:
-        found = al.decompose(system, tuple(ranges), tuple(ranges.values()), _fixed(fix), progress=said)
+    with _progress() as stated:
+        found = al.decompose(system, tuple(ranges), tuple(ranges.values()), _fixed(fix), progress=stated)
     counts, areas = found.counts(), found.areas()
     if as_json:
         print_json(
@@ -158,7 +158,7 @@ def cells(
                 f"rounded for the decomposition: {', '.join(f'{k} = {float(v):g}' for k, v in found.rounded.items())}"
             )
     if target:
-        from irsbot_supervisor.pictures.algebra import draw_cells
+        from irsbot_supervisor.plots.algebra import draw_cells
 
         points = _cusps_of(system, found, fix)
         draw_cells(found, system, target, points)
@@ -190,8 +190,8 @@ def configurations(
         raise Failed(f"{system.name}: no real configuration there")
     if target:
         if not system.drawing.points:
-            raise BadInput(f"{system.name} says nothing about how to draw it")
-        from irsbot_supervisor.pictures.algebra import draw_configurations
+            raise BadInput(f"{system.name} has no description for drawing")
+        from irsbot_supervisor.plots.algebra import draw_configurations
 
         draw_configurations(system, found, target)
         out.print(f"written to {plot}") if not as_json else None
@@ -210,12 +210,12 @@ def loop(
     plot: Plot = None,
     as_json: AsJson = False,
 ) -> None:
-    """Follow a branch along a circle in two joints, with a proof for every step: does the platform come back?
+    """Follow a branch along a circle in two joints, with a proof for every step. Shows whether the platform returns.
 
     Exit code 1 if the branch could not be followed.
 
-    Example: irsbot algebra loop rrr3_base --centre -0.750995,3.180521,-0.321021 --radius 0.1 --start 5.235988
-    --pose 0.08076,0.03511,1.22907
+    Example: irsbot algebra loop rrr3_base --centre -0.750995,3.180521,-0.321021 --radius 0.1 --start 5.235988 --pose
+    0.08076,0.03511,1.22907.
     """
     target = _picture(plot) if plot else None
     system = _system(name, set_)
@@ -240,7 +240,7 @@ def loop(
         out.print(changed if found.closed else "the joints did not come back")
     if target:
         from irsbot_kinematics.algebra.tracking import Tracker
-        from irsbot_supervisor.pictures.algebra import draw_loop
+        from irsbot_supervisor.plots.algebra import draw_loop
 
         first = dict(zip(system.pose, found.start.tolist(), strict=True))
         way = Tracker(system).follow(path.tolist(), first)
@@ -252,7 +252,7 @@ def loop(
 
 
 def _print(table: Table) -> None:
-    """Numbers are never cut: the table takes the width it needs."""
+    """Numbers are never truncated: the table takes the width it needs."""
     for column in table.columns:
         column.no_wrap = True
     Console(highlight=False, markup=False, width=WIDE).print(table)
@@ -262,9 +262,9 @@ def _print(table: Table) -> None:
 
 
 def _system(name: str, lengths: list[str] | None) -> al.System:
-    said = _pairs(lengths, "--set", "d1=17.04")
+    stated = _pairs(lengths, "--set", "d1=17.04")
     if name in al.names():
-        return al.predefined(name, **said)
+        return al.predefined(name, **stated)
     path = Path(name)
     if path.suffix in (".yaml", ".yml"):
         try:
@@ -272,7 +272,7 @@ def _system(name: str, lengths: list[str] | None) -> al.System:
         except yaml.YAMLError as error:
             raise BadInput(f"{name} is no YAML: {str(error).splitlines()[0]}") from None
         if isinstance(text, dict) and "equations" in text:
-            return _equations(name, text, said)
+            return _equations(name, text, stated)
         from irsbot_supervisor.cli.common import robot_named
 
         return al.of_robot(robot_named(name))
@@ -305,9 +305,9 @@ def _equations(name: str, text: dict[str, Any], lengths: dict[str, str]) -> al.S
         raise BadInput(f"{name} is malformed: {error}; lists of texts and a mapping of parameters are wanted") from None
 
 
-def _pairs(said: list[str] | None, option: str, example: str) -> dict[str, str]:
+def _pairs(stated: list[str] | None, option: str, example: str) -> dict[str, str]:
     found = {}
-    for text in said or []:
+    for text in stated or []:
         name, equals, value = text.partition("=")
         if not equals or not name or not value:
             raise BadInput(f"{option} must look like {example}, got '{text}'")
@@ -315,13 +315,13 @@ def _pairs(said: list[str] | None, option: str, example: str) -> dict[str, str]:
     return found
 
 
-def _fixed(said: list[str] | None) -> dict[str, Any]:
-    return dict(_pairs(said, "--fix", "rho1=17"))
+def _fixed(stated: list[str] | None) -> dict[str, Any]:
+    return dict(_pairs(stated, "--fix", "rho1=17"))
 
 
-def _boxes(said: list[str] | None) -> dict[str, tuple[str, str]]:
+def _boxes(stated: list[str] | None) -> dict[str, tuple[str, str]]:
     found = {}
-    for name, value in _pairs(said, "--box", "rho2=0.1:45").items():
+    for name, value in _pairs(stated, "--box", "rho2=0.1:45").items():
         low, colon, high = value.partition(":")
         if not colon:
             raise BadInput(f"--box must look like rho2=0.1:45, got '{name}={value}'")
@@ -343,10 +343,10 @@ def _progress() -> Iterator[Callable[[str, int, int], None]]:
     with Progress(*columns, console=err, transient=True) as progress:
         task = progress.add_task("walls", total=1)
 
-        def said(what: str, done: int, total: int) -> None:
+        def stated(what: str, done: int, total: int) -> None:
             progress.update(task, description=what, completed=done, total=max(total, 1))
 
-        yield said
+        yield stated
 
 
 def _cusps_of(system: al.System, found: al.Cells, fix: list[str] | None) -> list[al.Cusp]:
@@ -371,7 +371,7 @@ def _draw_singular(
         raise BadInput(f"give --box for {', '.join(sorted(wanted))}, got {', '.join(names) or 'none'}")
     ranges = [(float(Fraction(low)), float(Fraction(high))) for low, high in box.values()]
     if len(names) == 3:
-        from irsbot_supervisor.pictures import algebra3d
+        from irsbot_supervisor.plots import algebra3d
 
         draw = algebra3d.page_of_surfaces if target.suffix == ".html" else algebra3d.draw_surfaces
         draw(found, names, ranges, system, target, title)
@@ -381,9 +381,9 @@ def _draw_singular(
     if target.suffix == ".html":
         raise BadInput("curves are drawn as .png, .svg or .pdf")
     from irsbot_kinematics.algebra.charts import axis
+    from irsbot_kinematics.algebra.model.polynomial import ring_of
     from irsbot_kinematics.algebra.plane import Plane
-    from irsbot_kinematics.algebra.polynomial import ring_of
-    from irsbot_supervisor.pictures.algebra import draw_curves
+    from irsbot_supervisor.plots.algebra import draw_curves
 
     first, second = (axis(n, box[n], n in system.angles, False) for n in names)
     plane = Plane([ring_of(p, (first.gen, second.gen)) for p in found], first, second)

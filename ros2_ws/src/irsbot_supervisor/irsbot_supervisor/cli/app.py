@@ -19,11 +19,13 @@ from irsbot_supervisor.cli import (
     bench,
     check,
     design,
+    docs,
     faults,
     kinematics,
     limits,
     map,
     mechanism,
+    monitor,
     operate,
     policy,
     replay,
@@ -36,7 +38,7 @@ from irsbot_supervisor.cli import (
 )
 from irsbot_supervisor.cli.common import BAD_INPUT, NUMBERS, Failed, err, out
 from irsbot_supervisor.cli.outputs import guarded
-from irsbot_supervisor.suite import SuiteError
+from irsbot_supervisor.processes.suite import SuiteError
 
 app = typer.Typer(
     help="Singularity supervision of parallel robots. Not a certified safety device.",
@@ -54,6 +56,7 @@ app.command("evaluate")(kinematics.evaluate)
 app.command("replay")(replay.replay)
 app.command("check-trajectory")(check.check_trajectory)
 app.command("verdict")(operate.verdict)
+app.command("monitor")(monitor.monitor)
 app.command("reset")(operate.reset)
 app.command("set", context_settings=NUMBERS)(operate.set_)
 app.command("check-mechanism")(mechanism.check_mechanism)
@@ -65,6 +68,7 @@ app.command("limits")(limits.limits)
 app.command("report")(report.report)
 app.command("bench")(bench.bench)
 app.command("faults")(faults.faults)
+app.command("docs")(docs.docs)
 app.command("map")(map.draw)
 app.command("stiffness", context_settings=NUMBERS)(stiffness.show)
 app.command("policy")(policy.policy)
@@ -75,7 +79,7 @@ for name, group in (("send", operate.app), ("design", design.app), ("algebra", a
 
 
 def _commands() -> Iterator[CommandInfo]:
-    """Every command, those of groups too."""
+    """Every command, also those of groups."""
     for group in (app, operate.app, design.app, algebra.app):
         yield from group.registered_commands
 
@@ -96,21 +100,21 @@ def _say_version(asked: bool) -> None:
 @app.callback()
 def _options(
     _version: Annotated[
-        bool, typer.Option("--version", callback=_say_version, is_eager=True, help="say the version and end")
+        bool, typer.Option("--version", callback=_say_version, is_eager=True, help="print the version")
     ] = False,
 ) -> None:
     pass
 
 
 USAGE_ERROR: Any = typer.BadParameter.__bases__[0]
-"""What typer raises for a command line that it does not understand; it has no public name."""
+"""Exception of typer for a command line that it cannot parse; it has no public name."""
 
 SIGPIPE_CODE = 128 + 13
-"""Exit code of a command whose reader went away, as of every program that the signal ends."""
+"""Exit code of a command whose reader has closed the pipe, as of every program that this signal ends."""
 
 
 def main() -> None:
-    """Run a command; exit code 0 done, 1 the checked thing failed, 2 bad usage or input. No traceback for either."""
+    """Run a command; exit code 0 done, 1 a check failed, 2 bad usage or input. Prints no traceback for these."""
     program = os.environ.get("IRSBOT_COMMAND", "irsbot")  # as the user called it
     for command in _commands():
         if command.callback is not None and command.callback.__doc__:
@@ -122,7 +126,7 @@ def main() -> None:
         code = app(prog_name=program, standalone_mode=False)
         sys.stdout.flush()
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nobody reads what is still buffered
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # buffered output has no reader
         sys.exit(SIGPIPE_CODE)
     except USAGE_ERROR as error:
         _say_usage(error)
@@ -141,7 +145,7 @@ def main() -> None:
 
 
 def _say_usage(error: Any) -> None:
-    """One line, and where to read more; the whole help where nothing was asked."""
+    """Print one line and the command for more help; the whole help if no command was given."""
     context = error.ctx
     if context is not None and type(error).__name__ == "NoArgsIsHelpError":
         err.print(context.get_help())

@@ -1,4 +1,4 @@
-"""`info` and `salvage`: what is in a bag, and what can be saved of a damaged one."""
+"""`info` and `salvage`: the content of a bag, and the intact part of a damaged one."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ import typer
 from rich.table import Table
 
 from irsbot_msgs_py.cdr import CdrError, decode_state, decode_verdict
+from irsbot_supervisor.bag.bag import STATE, VERDICT, Bag
+from irsbot_supervisor.bag.mcap_reader import Loss, Message
+from irsbot_supervisor.bag.salvage import salvage as salvage_bag
 from irsbot_supervisor.cli.common import Failed, existing, out, print_json
-from irsbot_supervisor.mcap_reader import Loss, Message
-from irsbot_supervisor.replay import Sources, robots_in, supervisor_of
-from irsbot_supervisor.salvage import salvage as salvage_bag
-from irsbot_supervisor.tape import STATE, VERDICT, Tape
+from irsbot_supervisor.replay.rejudge import Sources, robots_in, supervisor_of
 
-Bag = Annotated[Path, typer.Argument(help="bag folder or .mcap file, damaged or not")]
+BagPath = Annotated[Path, typer.Argument(help="bag folder or file; MCAP files may be damaged")]
 AsJson = Annotated[bool, typer.Option("--json", help="print JSON")]
 
 
-def info(bag: Bag, as_json: AsJson = False) -> None:
+def info(bag: BagPath, as_json: AsJson = False) -> None:
     """Topics, messages, time span, configuration and damage of a bag.
 
     Example: irsbot info runs/demo/bag
@@ -46,13 +46,13 @@ def info(bag: Bag, as_json: AsJson = False) -> None:
 
 
 def salvage(
-    bag: Bag,
+    bag: BagPath,
     output: Annotated[Path, typer.Option("--output", "-o", help="new bag folder, or new file ending in .mcap")],
     as_json: AsJson = False,
 ) -> None:
-    """Write everything that can be trusted of a damaged bag as a new bag. Exit code 1 if something was lost.
+    """Copy the intact part of a damaged bag to a new bag. Exit code 1 if something was lost.
 
-    Example: irsbot salvage runs/killed/bag -o runs/saved
+    Example: irsbot salvage runs/killed/bag -o runs/saved.
     """
     saved = salvage_bag(existing(bag, "the bag"), output)
     if as_json:
@@ -64,45 +64,49 @@ def salvage(
 
 
 def _facts(bag: Path) -> dict[str, Any]:
-    with Tape(bag) as tape:
+    with Bag(bag) as opened:
         counts: Counter[str] = Counter()
         first_ns = last_ns = None
         newest: dict[str, Message] = {}
-        for message in tape.messages():
+        for message in opened.messages():
             newest[message.topic] = message
             counts[message.topic] += 1
             first_ns = message.log_ns if first_ns is None else min(first_ns, message.log_ns)
             last_ns = message.log_ns if last_ns is None else max(last_ns, message.log_ns)
-        topics = [topic for topic in tape.topics() if counts[topic.name]]
+        topics = [topic for topic in opened.topics() if counts[topic.name]]
         robots = [_robot(namespace, found, newest) for namespace, found in robots_in(topics).items()]
-        attached = [record.metadata.get("config_hash") for reader in tape.readers for record in reader.metadata]
+        attached = [record.metadata.get("config_hash") for reader in opened.readers for record in reader.metadata]
         heard = [robot["config_hash"] for robot in robots] if len(robots) == 1 else []
         return {
             "bag": bag,
-            "files": [reader.path for reader in tape.readers],
-            "bytes": sum(reader.path.stat().st_size for reader in tape.readers),
+            "files": [reader.path for reader in opened.readers],
+            "bytes": sum(file.stat().st_size for reader in opened.readers for file in _files(reader.path)),
             "messages": counts.total(),
             "start_ns": first_ns,
             "duration_s": (last_ns - first_ns) / 1e9 if first_ns is not None and last_ns is not None else 0.0,
-            "topics": [{"name": t.name, "type": t.type, "messages": counts[t.name]} for t in tape.topics()],
+            "topics": [{"name": t.name, "type": t.type, "messages": counts[t.name]} for t in opened.topics()],
             "robots": robots,
             "config_hash": next((known for known in (*reversed(attached), *heard) if known), None),
-            "loss": _loss(tape.loss),
+            "loss": _loss(opened.loss),
         }
 
 
 def _robot(namespace: str, found: Sources, newest: Mapping[str, Message]) -> dict[str, Any]:
-    """One robot of a bag, as the newest words of its supervisor say it."""
-    said: dict[str, Any] = {"namespace": namespace, "joint_states": found.joints, "supervisors": found.supervisors}
-    said |= {"robot": None, "config_hash": None}
+    """One robot of a bag, from the newest messages of its supervisor."""
+    stated: dict[str, Any] = {"namespace": namespace, "joint_states": found.joints, "supervisors": found.supervisors}
+    stated |= {"robot": None, "config_hash": None}
     for message in newest.values():
         if supervisor_of(message.topic) in found.supervisors:
             with contextlib.suppress(CdrError):
                 if message.type == STATE:
-                    said["robot"] = decode_state(message.data).robot
+                    stated["robot"] = decode_state(message.data).robot
                 elif message.type == VERDICT:
-                    said["config_hash"] = decode_verdict(message.data).config_hash
-    return said
+                    stated["config_hash"] = decode_verdict(message.data).config_hash
+    return stated
+
+
+def _files(path: Path) -> list[Path]:
+    return sorted(path.iterdir()) if path.is_dir() else [path]
 
 
 def _loss(loss: Loss) -> dict[str, Any]:

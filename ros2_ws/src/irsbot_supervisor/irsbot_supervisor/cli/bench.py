@@ -1,4 +1,4 @@
-"""`bench`: what the suite costs, against its goals, in one run on this machine."""
+"""`bench`: latency, CPU and memory of the suite, compared with its goals, in one run on this machine."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from irsbot_supervisor.bench import batch, one_sample, report, startup, transport
-from irsbot_supervisor.bench.report import Measured, Row
 from irsbot_supervisor.cli.common import err, out, print_json
+from irsbot_supervisor.validation.bench import batch, one_sample, report, startup, transport
+from irsbot_supervisor.validation.bench.report import Measured, Row
 
 
 class Part(str, Enum):
-    """What can be measured alone."""
+    """A part that can be measured alone."""
 
     ONE_SAMPLE = "one-sample"
     TRANSPORT = "transport"
@@ -32,10 +32,10 @@ def bench(
 ) -> None:
     """Measure latency, loss, CPU, start-up, memory and throughput, and compare them with the goals.
 
-    Takes about 5 minutes; the machine should have nothing else to do. A goal that is missed is reported, it is not a
-    failure: exit code 0 says that everything was measured.
+    Takes about 5 minutes; close other programs first. A missed goal is reported but is not an error: exit code 0 means
+    that everything was measured.
 
-    Example: irsbot bench --only one-sample --only batch
+    Example: irsbot bench --only one-sample --only batch.
     """
     parts = set(only or Part)
     measured = Measured(

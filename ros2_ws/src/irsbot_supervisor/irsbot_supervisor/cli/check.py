@@ -1,4 +1,4 @@
-"""`check-trajectory`: is a planned motion free of singularities to the configured margins, between its points too?"""
+"""`check-trajectory`: checks that a planned motion keeps the configured margins, also between its points."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from irsbot_kinematics.arithmetic import Array
 from irsbot_kinematics.mechanism import Coordinate
+from irsbot_kinematics.numerics.arithmetic import Array
 from irsbot_supervisor.cli.common import Failed, err, existing, out, print_json
-from irsbot_supervisor.core.cartesian import survey_poses
-from irsbot_supervisor.core.policy import KINDS, WORDS
-from irsbot_supervisor.core.survey import Run, Survey, survey
-from irsbot_supervisor.settings_file import read_settings, read_values
+from irsbot_supervisor.configuration.loading import read_settings, read_values
+from irsbot_supervisor.core.margins import MARGIN_CAUSES, MARGIN_TEXTS
+from irsbot_supervisor.trajectory.survey import Run, Survey, survey
+from irsbot_supervisor.trajectory.task_space import survey_poses
 
 
 class _Checked(NamedTuple):
-    """A survey in the words of its table: rows are counted as their reader counts, from 1 below the header."""
+    """A survey for the table; rows are counted from 1 below the header."""
 
     times: Array
     task: tuple[Coordinate, ...]
     found: Survey
 
     def row(self, time_s: float) -> int:
-        """The row at which a time lies, or behind which."""
+        """The row at, or before, a time."""
         return max(int(np.searchsorted(self.times, time_s, side="right")), 1)
 
     def as_values(self, run: Run) -> dict[str, Any]:
@@ -58,14 +58,14 @@ def check_trajectory(
     every: Annotated[bool, typer.Option("--all", help="list every violation, not the first alone")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
 ) -> None:
-    """Certify a motion against stop limits and velocity_limit, or name what violates them. Exit code 1 then.
+    """Certify a motion against stop limits and velocity_limit, or name the violations. Exit code 1 for a violation.
 
-    The motion is given by joint positions, or by poses of the platform, straight in between. Margins are certified in
+    The motion has joint positions, or poses of the platform with straight lines between them. Margins are certified in
     continuous time. Rows are counted from 1 below the header.
 
-    Example: irsbot check-trajectory irsbot2 motion.csv
+    Example: irsbot check-trajectory irsbot2 motion.csv.
     """
-    from irsbot_supervisor.columns import has_columns, read_motion  # polars takes its time to load
+    from irsbot_supervisor.bag.columns import has_columns, read_motion  # polars takes its time to load
 
     changes = read_values(existing(settings, "the settings file")) if settings is not None else {}
     limits, machine = read_settings(robot, changes, settings or "")
@@ -93,9 +93,9 @@ def check_trajectory(
         speed = f"joint '{one['joint']}' reaches {one['speed']:.4g} {one['unit']}"
         faults.append(f"row {one['row']}: {speed}, velocity_limit is {one['limit']:g}")
     if as_json:
-        said = {"safe": not faults, "too_fast": too_fast, "margins": _margins(checked)}
-        said["violation"] = checked.as_values(found.runs[0]) if found.runs else None
-        print_json({**said, **({"violations": [checked.as_values(run) for run in found.runs]} if every else {})})
+        stated = {"safe": not faults, "too_fast": too_fast, "margins": _margins(checked)}
+        stated["violation"] = checked.as_values(found.runs[0]) if found.runs else None
+        print_json({**stated, **({"violations": [checked.as_values(run) for run in found.runs]} if every else {})})
     else:
         _print_margins(checked)
         for run in found.runs if every else ():
@@ -111,19 +111,19 @@ def _margins(checked: _Checked) -> list[dict[str, Any]]:
     found = checked.found
     return [
         {
-            "margin": WORDS[kind],
+            "margin": MARGIN_TEXTS[kind],
             "before_violation": before if before < inf else None,
             "whole": whole,
             "time_s": time_s,
             "row": checked.row(time_s),
         }
-        for kind, (before, _at), (whole, time_s) in zip(KINDS, found.before, found.whole, strict=True)
+        for kind, (before, _at), (whole, time_s) in zip(MARGIN_CAUSES, found.before, found.whole, strict=True)
         if whole < inf
     ]
 
 
 def _print_margins(checked: _Checked) -> None:
-    """Certified lower bounds: of the whole motion, and of its part before the first violation, if it has one."""
+    """Certified lower bounds of the whole motion, and of its part before the first violation if it has one."""
     both = not checked.found.safe
     table = Table("certified lower bound", *(["before violation"] if both else []), "whole", "row", "time [s]")
     for row in _margins(checked):

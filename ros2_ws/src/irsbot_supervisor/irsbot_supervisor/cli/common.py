@@ -1,11 +1,10 @@
-"""What all commands share: how they print, how they refuse, how they read numbers and robots."""
+"""Parts that all commands share: output, refusals, reading of numbers and robots."""
 
 from __future__ import annotations
 
 import json
 import math
 from collections.abc import Sequence
-from enum import Enum
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -14,15 +13,16 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from irsbot_kinematics import BadInput, KinematicsError, Robot
-from irsbot_supervisor.core.motion import BadTrajectory
+from irsbot_supervisor.bag.mcap_writer import BagError
+from irsbot_supervisor.configuration.loading import robot_of
 from irsbot_supervisor.core.settings import InvalidSettings
-from irsbot_supervisor.mcap_writer import BagError
-from irsbot_supervisor.settings_file import robot_of
+from irsbot_supervisor.report.json_values import plain
 from irsbot_supervisor.sim.errors import SimulationError
+from irsbot_supervisor.trajectory.joint_path import BadTrajectory
 
 
 class _Output(Console):
-    """Leaves it to `main` what becomes of a command whose reader went away."""
+    """Console that leaves a closed pipe to `main`."""
 
     def on_broken_pipe(self) -> None:
         raise BrokenPipeError
@@ -39,11 +39,11 @@ NUMBERS = {"ignore_unknown_options": True}
 
 
 BAD_INPUT = (InvalidSettings, BadTrajectory, BagError, SimulationError, KinematicsError)
-"""What a user can cause; each says in one sentence what is wrong and what would be right."""
+"""Errors that a user can cause; each has one sentence that says what is wrong and what would be right."""
 
 
 class Failed(Exception):
-    """The checked thing failed: exit code 1, the message on stderr."""
+    """A check failed: exit code 1, the message on stderr."""
 
 
 def refuse(text: str) -> NoReturn:
@@ -73,15 +73,8 @@ def measure(name: str, text: str) -> float:
     return numbers([text], name, 1)[0]
 
 
-def signs(text: str) -> tuple[int, ...]:
-    """A working mode such as `+-`. Raises BadInput."""
-    if not text or set(text) - {"+", "-"}:
-        raise BadInput(f"a mode is a row of + and -, one per leg, such as +-; got '{text}'")
-    return tuple(1 if sign == "+" else -1 for sign in text)
-
-
 def sign_text(mode: Sequence[int]) -> str:
-    """A working mode as people write it."""
+    """A working mode as text such as "+-"."""
     return "".join("+" if sign > 0 else "-" if sign < 0 else "0" for sign in mode)
 
 
@@ -91,7 +84,7 @@ def robot_named(name: str) -> Robot:
 
 
 def progress_bar() -> Progress:
-    """A bar on stderr that goes when it is done; its tasks need a total."""
+    """A bar on stderr that disappears at the end; its tasks need a total."""
     return Progress(
         TextColumn("{task.description}"),
         BarColumn(),
@@ -103,29 +96,15 @@ def progress_bar() -> Progress:
 
 
 def print_json(value: Any) -> None:
-    """JSON on stdout; NaN and infinite numbers, which JSON does not have, become null."""
-    out.print(json.dumps(_plain(value), indent=2, allow_nan=False))
+    """JSON on stdout; NaN and infinite numbers become null, because JSON does not have them."""
+    out.print(json.dumps(plain(value), indent=2, allow_nan=False))
 
 
 def existing(path: Path, what: str) -> Path:
-    """A path that must be there. Raises BadInput."""
+    """A path that must exist. Raises BadInput."""
     if not path.exists():
         raise BadInput(f"{what} '{path}' does not exist")
     return path
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {str(key): _plain(entry) for key, entry in value.items()}
-    if hasattr(value, "tolist"):
-        return _plain(value.tolist())
-    if isinstance(value, (list, tuple)):
-        return [_plain(entry) for entry in value]
-    if isinstance(value, Enum):
-        return value.name
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return str(value) if isinstance(value, Path) else value
 
 
 def _is_number(text: str) -> bool:

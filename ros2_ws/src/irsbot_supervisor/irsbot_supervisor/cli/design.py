@@ -11,15 +11,14 @@ from typing import Annotated, Any
 import typer
 import yaml
 
-from irsbot_kinematics import BadInput
+from irsbot_kinematics import BadInput, arguments
 from irsbot_kinematics import design as space
+from irsbot_kinematics.description.robot_file import read_robot
 from irsbot_kinematics.design import PARAMETERS, ZONES, Limits, Plan, Range
 from irsbot_kinematics.design.search import RANGES, Found, NoDesign, Task, judge, search
 from irsbot_kinematics.design.sweep import Columns
-from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2Geometry
-from irsbot_kinematics.robot_file import read_robot
-from irsbot_supervisor.cli import design_facts as facts
-from irsbot_supervisor.cli import design_tables as tables
+from irsbot_kinematics.mechanisms.irsbot2_space.geometry import Irsbot2Geometry
+from irsbot_supervisor.bag.column_stream import write_chunks
 from irsbot_supervisor.cli.common import (
     Failed,
     existing,
@@ -29,12 +28,12 @@ from irsbot_supervisor.cli.common import (
     print_json,
     progress_bar,
     sign_text,
-    signs,
 )
-from irsbot_supervisor.column_stream import write_chunks
+from irsbot_supervisor.cli.tables import design as tables
+from irsbot_supervisor.cli.tables import design_facts as facts
 
 app = typer.Typer(
-    help="Design space of the IRSBot-2: which lengths are free of which singularities, and why.",
+    help="Design space of the IRSBot-2: singularities of given lengths, and designs without them.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
@@ -56,15 +55,16 @@ def check(
     set_: Set = None,
     as_json: AsJson = False,
 ) -> None:
-    """Is a design free of singularities: of which, why, and what would have to move. Exit code 1 if it is not.
+    """Check whether a design is free of singularities. Print their kinds, reasons and remedies; exit code 1 if there
+    are any.
 
-    Example: irsbot design check irsbot2 --mode +- --below
+    Example: irsbot design check irsbot2 --mode +- --below.
     """
     name, g = _design(robot, set_)
     if below and mode is None:
         raise BadInput("--below needs --mode: it judges one working mode")
     verdict, nearest = space.check(g, zone), space.moves(g, zone)
-    working_mode = signs(mode) if mode is not None else None
+    working_mode = arguments.signs(mode) if mode is not None else None
     if working_mode is not None and working_mode not in facts.MODES:
         raise BadInput(f"modes are {', '.join(map(sign_text, facts.MODES))}, got '{mode}'")
     free = verdict.free if working_mode is None else verdict.free_in(working_mode, True if below else None)
@@ -89,7 +89,7 @@ def cells(robot: RobotName, set_: Set = None, output: Picture = None, as_json: A
     name, g = _design(robot, set_)
     found = space.cells(g)
     if output:
-        from irsbot_supervisor.pictures.design import draw_cells
+        from irsbot_supervisor.plots.design import draw_cells
 
         draw_cells(g, _picture(output))
     if as_json:
@@ -102,13 +102,13 @@ def cells(robot: RobotName, set_: Set = None, output: Picture = None, as_json: A
 
 @app.command()
 def zones(robot: RobotName, set_: Set = None, output: Picture = None, as_json: AsJson = False) -> None:
-    """Zones of the {l1, b} plane for the distal lengths of a design: bounds, exact against printed, and a picture.
+    """Zones of the {l1, b} plane for the distal lengths of a design: exact bounds, printed bounds, and a picture.
 
-    Example: irsbot design zones irsbot2_csc -o zones.png
+    Example: irsbot design zones irsbot2_csc -o zones.png.
     """
     name, g = _design(robot, set_)
     if output:
-        from irsbot_supervisor.pictures.design import draw_zones
+        from irsbot_supervisor.plots.design import draw_zones
 
         draw_zones(g, _picture(output))
     if as_json:
@@ -121,16 +121,16 @@ def zones(robot: RobotName, set_: Set = None, output: Picture = None, as_json: A
 
 @app.command()
 def postures(robot: RobotName, set_: Set = None, output: Picture = None, as_json: AsJson = False) -> None:
-    """All constraint-singular postures of a design: angles, gained motion, and where its arms hold them.
+    """All constraint-singular postures of a design: angles, gained motion, and the arm positions.
 
-    Example: irsbot design postures irsbot2_csc -o postures.png
+    Example: irsbot design postures irsbot2_csc -o postures.png.
     """
     name, g = _design(robot, set_)
     found = space.singular_postures(g)
     if output:
         if not found:
             raise Failed(f"{name} has no constraint-singular posture: nothing to draw")
-        from irsbot_supervisor.pictures.design import draw_postures
+        from irsbot_supervisor.plots.design import draw_postures
 
         draw_postures(g, found, _picture(output))
     if as_json:
@@ -256,7 +256,7 @@ def _tell(path: Path | None) -> None:
 
 
 def _watched(plan: Plan, totals: dict[str, int]) -> Iterator[Columns]:
-    """The chunks of a sweep, with a progress bar and running totals of what people ask for first."""
+    """The chunks of a sweep, with a progress bar and running totals of the main results."""
     with progress_bar() as progress:
         bar = progress.add_task("designs", total=len(plan))
         for chunk in space.sweep(plan):
@@ -272,10 +272,10 @@ def _scaled(g: Irsbot2Geometry, factor: float) -> Irsbot2Geometry:
 
 def _robot_text(found: Found, task: Task) -> str:
     source = f"ours: irsbot design search, zone {task.zone}, slack {task.slack:g} m, seed {task.seed}"
-    said: dict[str, Any] = {
+    stated: dict[str, Any] = {
         "mechanism": "irsbot2",
         "description": f"found by search in zone {task.zone}, beta {degrees(found.geometry.beta):.4g} deg",
         "geometry": {name: {"value": value, "source": source} for name, value in asdict(found.geometry).items()},
         "usual": {"working_mode": [1, -1], "assembly_mode": -1},
     }
-    return yaml.safe_dump(said, sort_keys=False)
+    return yaml.safe_dump(stated, sort_keys=False)

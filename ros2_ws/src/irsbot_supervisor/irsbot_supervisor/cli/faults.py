@@ -11,11 +11,11 @@ import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from irsbot_supervisor.campaign.rows import FALSE_STOPS, RECOVERY_S, TO_STOP_S, Entry, Row
 from irsbot_supervisor.cli.common import Failed, err, out, print_json, refuse
+from irsbot_supervisor.validation.harness.rows import FALSE_STOPS, RECOVERY_S, TO_STOP_S, Entry, Row
 
 if TYPE_CHECKING:
-    from irsbot_supervisor.campaign.runner import Order
+    from irsbot_supervisor.validation.runner import Order
 
 MUST = "must"
 HEADINGS = ("row", "amount", "unsafe", "failed", "false stops", "to STOP [s]", "recovery [s]", MUST, "met")
@@ -30,15 +30,15 @@ def faults(
     as_json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="write the table here, as Markdown")] = None,
 ) -> None:
-    """Try faults against the supervision and count what went wrong. Exit code 1 if a row is not met.
+    """Try faults against the supervision and count wrong reactions. Exit code 1 if a row is not met.
 
-    Unsafe is every case in which motion was allowed although an oracle outside the supervisor said stop or unknown.
+    A case is unsafe if motion was allowed although an oracle outside the supervisor required a stop.
 
-    Example: irsbot faults --quick --only approach --robot irsbot2
+    Example: irsbot faults --quick --only approach --robot irsbot2.
     """
-    from irsbot_supervisor.campaign.registry import ENTRIES  # builds robots
-    from irsbot_supervisor.campaign.runner import run_rows
-    from irsbot_supervisor.campaign.truth import supervised
+    from irsbot_supervisor.validation.harness.oracle import supervised
+    from irsbot_supervisor.validation.registry import ENTRIES  # builds robots
+    from irsbot_supervisor.validation.runner import run_rows
 
     known = {entry.name: entry for entry in ENTRIES}
     if unknown := sorted(set(only or ()) - set(known)):
@@ -67,8 +67,8 @@ def faults(
 
 
 def _orders(entries: Sequence[Entry], quick: bool, seed: int, robots: tuple[str, ...], all_robots: int) -> list[Order]:
-    """What is to be done; a row over all robots takes its share for those that were asked for."""
-    from irsbot_supervisor.campaign.runner import Order
+    """The orders to run; a row over all robots takes its share for the selected robots."""
+    from irsbot_supervisor.validation.runner import Order
 
     orders = []
     for entry in entries:
@@ -80,7 +80,7 @@ def _orders(entries: Sequence[Entry], quick: bool, seed: int, robots: tuple[str,
 
 
 def _cells(row: Row, must: str) -> tuple[str, ...]:
-    """What the table says of a row, in the order of HEADINGS."""
+    """Cells of the table for a row, in the order of HEADINGS."""
     figures = [
         _short(row.figures[name]) if name in row.figures else "" for name in (FALSE_STOPS, TO_STOP_S, RECOVERY_S)
     ]
@@ -88,10 +88,10 @@ def _cells(row: Row, must: str) -> tuple[str, ...]:
 
 
 def _more(row: Row) -> str:
-    """The figures of a row that have no column, and its note."""
+    """The figures of a row without a column, and its note."""
     others = {name: value for name, value in row.figures.items() if name not in (FALSE_STOPS, TO_STOP_S, RECOVERY_S)}
-    said = [f"{name} {_short(value)}" for name, value in others.items()]
-    return f"{row.name}: {'; '.join([*said, *filter(None, (row.note,))]) or 'nothing more'}"
+    stated = [f"{name} {_short(value)}" for name, value in others.items()]
+    return f"{row.name}: {'; '.join([*stated, *filter(None, (row.note,))]) or 'nothing more'}"
 
 
 def _short(value: float) -> str:
@@ -99,9 +99,9 @@ def _short(value: float) -> str:
 
 
 def _table(rows: Sequence[Row], known: dict[str, Entry]) -> Table:
-    """What has to hold stands below, with the figures that have no column: it is too long for one."""
-    said = "\n".join(f"{_more(row)}\n  must: {known[row.name].must}" for row in rows)
-    table = Table(title="fault campaign", caption=said, caption_justify="left")
+    """The table, with the conditions and the figures without a column below it."""
+    stated = "\n".join(f"{_more(row)}\n  must: {known[row.name].must}" for row in rows)
+    table = Table(title="fault campaign", caption=stated, caption_justify="left")
     for heading in HEADINGS:
         if heading != MUST:
             table.add_column(heading, overflow="fold")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,13 +11,14 @@ import numpy as np
 import typer
 from rich.table import Table
 
-from irsbot_kinematics import NotAssembled, Robot, Unreachable, make_robot, robots
+from irsbot_kinematics import LabelsVary, NotAssembled, Robot, Unreachable, make_robot, robots
+from irsbot_kinematics.arguments import working_mode
 from irsbot_kinematics.mechanism import Coordinate
-from irsbot_supervisor.cli.common import Failed, existing, numbers, out, print_json, robot_named, sign_text, signs
+from irsbot_supervisor.cli.common import Failed, err, existing, numbers, out, print_json, robot_named, sign_text
 
 RobotName = Annotated[str, typer.Argument(help="preset name (see `irsbot robots`) or YAML file")]
 MOST_COLUMNS = 10_000
-"""Wider than any table."""
+"""Wider than every table."""
 
 AsJson = Annotated[bool, typer.Option("--json", help="print JSON")]
 
@@ -29,9 +31,14 @@ def list_robots(as_json: AsJson = False) -> None:
     rows = []
     for name in robots():
         machine = make_robot(name)
-        said = machine.cuspidal
+        stated = machine.cuspidal
         rows.append(
-            {"name": name, "description": machine.description, "cuspidal": said.answer, "cuspidal_reason": said.reason}
+            {
+                "name": name,
+                "description": machine.description,
+                "cuspidal": stated.answer,
+                "cuspidal_reason": stated.reason,
+            }
         )
     if as_json:
         print_json(rows)
@@ -54,15 +61,16 @@ def inverse(
     """
     machine = robot_named(robot)
     x = numbers(pose, "the pose", len(machine.mechanism.task))
-    modes = [signs(mode)] if mode is not None else list(machine.mechanism.working_modes)
+    mechanism = machine.mechanism
+    modes = mechanism.working_modes if mode is None else (working_mode(mechanism, mode),)
     solutions, refusals = [], []
-    for working_mode in modes:
+    for one in modes:
         try:
-            q = machine.inverse(x, working_mode)
+            q = machine.inverse(x, one)
         except Unreachable as error:
             refusals.append(error)
         else:
-            solutions.append({"working_mode": list(working_mode), "joints": q.tolist()})
+            solutions.append({"working_mode": list(one), "joints": q.tolist()})
     if as_json:
         reach = max((error.reach_m for error in refusals), default=None)
         print_json({"robot": machine.name, "pose": x, "solutions": solutions, "reach_m": reach})
@@ -101,23 +109,30 @@ def direct(
 
 def evaluate(
     robot: RobotName,
-    source: Annotated[Path, typer.Option("--input", help="CSV with one column per joint, or an MCAP bag")],
+    source: Annotated[Path, typer.Option("--input", help="CSV with one column per joint, or a bag")],
     target: Annotated[Path, typer.Option("--output", help="CSV or Parquet file to write")],
     assembly: Annotated[int | None, typer.Option(help="assembly mode; the usual one if left out")] = None,
     load: Annotated[float | None, typer.Option(help="N of any direction: largest leg forces as well")] = None,
     moment: Annotated[float, typer.Option(help="N m of either sign, with --load")] = 0.0,
+    topic: Annotated[
+        str | None, typer.Option(help="joint states to take, in a bag with several topics of them")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Margins of many joint samples at once.
 
     Example: irsbot evaluate irsbot2 --input joints.csv --output margins.csv
     """
-    from irsbot_supervisor.columns import read_joint_columns, write_columns  # polars takes its time to load
+    from irsbot_supervisor.bag.columns import read_joint_columns, write_columns  # polars takes its time to load
 
     machine = robot_named(robot)
     names = [joint.name for joint in machine.mechanism.joints]
-    joints, times = read_joint_columns(existing(source, "the input"), names)
-    found = machine.evaluate_many(joints, assembly, force=load, moment=moment)
+    joints, times = read_joint_columns(existing(source, "the input"), names, topic)
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always", LabelsVary)
+        found = machine.evaluate_many(joints, assembly, force=load, moment=moment)
+    for warning in warned:
+        err.print(f"irsbot: {warning.message}")
     columns: dict[str, Any] = {"time_s": times} if times is not None else {}
     columns |= {name: joints[:, i] for i, name in enumerate(names)}
     columns |= {coordinate.name: found.pose[:, i] for i, coordinate in enumerate(machine.mechanism.task)}
@@ -144,7 +159,7 @@ def _print_solutions(joints: tuple[Coordinate, ...], solutions: list[dict[str, A
 
 
 def _print_evaluations(machine: Robot, found: list[dict[str, Any]]) -> None:
-    """As many assembly modes beside each other as there is room for."""
+    """Print as many assembly modes side by side as fit into the terminal."""
     beside = len(found)
     unbounded = out.options.update(width=MOST_COLUMNS)
     while beside > 1 and any(

@@ -1,4 +1,4 @@
-"""`limits`: the threshold guide. Every limit of the supervision proposed for a machine, with the reason."""
+"""`limits`: proposes every limit of the supervision for a machine, with the reason."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ import yaml
 from rich.table import Table
 
 from irsbot_kinematics import BadInput
-from irsbot_kinematics.urdf import joint_ranges
+from irsbot_kinematics.description.urdf import joint_ranges
 from irsbot_supervisor.cli.common import Failed, err, existing, out, print_json
-from irsbot_supervisor.core.guide import Guide, Plant, Proposal, propose
-from irsbot_supervisor.core.machine_times import proposals
+from irsbot_supervisor.configuration.loading import PARAMETERS, read_settings, robot_of, shipped_values
+from irsbot_supervisor.configuration.machine_times import proposals
+from irsbot_supervisor.configuration.proposal import LimitProposal, Plant, Proposal, propose
 from irsbot_supervisor.core.settings import Settings
-from irsbot_supervisor.settings_file import PARAMETERS, read_settings, robot_of, shipped_values
 
 FORCE_RATIO = 20.0 / 3.0
-"""Default: legs of a fast light robot carry some ten times the load anyway, in its accelerations."""
+"""Default: the legs of a fast light robot carry about ten times the load in its own accelerations."""
 
 RATE_HZ = 1000.0
 """Default: joint states per second of a usual controller."""
@@ -26,31 +26,33 @@ RATE_HZ = 1000.0
 
 def limits(
     robot: Annotated[str, typer.Argument(help="preset name or YAML file")],
-    speed: Annotated[str | None, typer.Option(help="fastest motion, rad/s or m/s; 12 or 12,12")] = None,
-    deceleration: Annotated[str | None, typer.Option(help="braking, rad/s2 or m/s2; 400 or 400,400")] = None,
-    acceleration: Annotated[str | None, typer.Option(help="speeding up; as deceleration if left out")] = None,
+    speed: Annotated[str | None, typer.Option(help="largest speed, rad/s or m/s; 12 or 12,12")] = None,
+    deceleration: Annotated[str | None, typer.Option(help="deceleration, rad/s2 or m/s2; 400 or 400,400")] = None,
+    acceleration: Annotated[str | None, typer.Option(help="acceleration; as deceleration if left out")] = None,
     latency: Annotated[float | None, typer.Option(help="s from the arrival of a sample to the first braking")] = None,
     rate: Annotated[float, typer.Option(help="joint states per second")] = RATE_HZ,
     stamp_jitter: Annotated[float | None, typer.Option(help="largest error of a stamp, s")] = None,
     encoder_resolution: Annotated[float | None, typer.Option(help="smallest step of a joint, rad or m")] = None,
     encoder_offset: Annotated[float | None, typer.Option(help="largest error of a joint's zero, rad or m")] = None,
     geometry_tolerance: Annotated[float | None, typer.Option(help="largest error of a leg, m")] = None,
-    force_ratio: Annotated[float, typer.Option(help="how many times the load a leg may carry")] = FORCE_RATIO,
+    force_ratio: Annotated[float, typer.Option(help="admissible leg force over the load")] = FORCE_RATIO,
     description: Annotated[Path | None, typer.Option("--urdf", help="URDF with the ranges of the joints")] = None,
-    measure: Annotated[bool, typer.Option("--measure", help="run the suite here and propose times from that")] = False,
-    seconds: Annotated[float, typer.Option(help="how long --measure looks, s", min=1.0, max=3600.0)] = 60.0,
+    measure: Annotated[
+        bool, typer.Option("--measure", help="run the suite here and propose times from its measurements")
+    ] = False,
+    seconds: Annotated[float, typer.Option(help="duration of --measure, s", min=1.0, max=3600.0)] = 60.0,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="write the settings here, as ROS parameters")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
 ) -> None:
-    """Propose every limit of the supervision and say why. What is not given is taken from the shipped settings.
+    """Propose every limit of the supervision, with the reason. Options that are left out use the shipped settings.
 
-    Exit code 1 if the robot could not be stopped from its speed within its margins. With --measure nothing but stale_s,
-    heartbeat_s and latency_s is proposed, from what this computer did, and exit code 1 says that it does not keep those
-    in force.
+    Exit code 1 if the robot could not be stopped from its speed within its margins. With --measure the command proposes
+    only stale_s, heartbeat_s and latency_s, from measurements on this computer; exit code 1 then means that the
+    computer does not keep those in force.
 
-    Example: irsbot limits irsbot2 --speed 12 --deceleration 400 --rate 500 -o mine.yaml
+    Example: irsbot limits irsbot2 --speed 12 --deceleration 400 --rate 500 -o mine.yaml.
     """
     machine = robot_of(robot)
     shipped = shipped_values(machine)
@@ -73,26 +75,26 @@ def limits(
         _numbers(acceleration, "--acceleration", shipped.get("acceleration_limit", ())),
         given("stamp_jitter_s", stamp_jitter),
     )
-    guide = propose(machine, robot, plant)
+    proposed = propose(machine, robot, plant)
     if description is not None:
-        guide.proposals.extend(_ranges(description, [joint.name for joint in machine.mechanism.joints]))
+        proposed.proposals.extend(_ranges(description, [joint.name for joint in machine.mechanism.joints]))
     if as_json:
         print_json(
             {
-                "settings": {"robot": robot, **{one.name: one.value for one in guide.proposals}},
-                "reasons": {one.name: one.why for one in guide.proposals},
-                "stopping": [row._asdict() for row in guide.stopping],
-                "all_joints_together": guide.together,
-                "costs": [row._asdict() for row in guide.costs],
-                "contradiction": guide.fault,
+                "settings": {"robot": robot, **{one.name: one.value for one in proposed.proposals}},
+                "reasons": {one.name: one.why for one in proposed.proposals},
+                "stopping": [row._asdict() for row in proposed.stopping],
+                "all_joints_together": proposed.together,
+                "costs": [row._asdict() for row in proposed.costs],
+                "contradiction": proposed.fault,
             }
         )
     else:
-        _print(guide, [joint.unit for joint in machine.mechanism.joints])
-    if guide.fault:
-        raise Failed(guide.fault)
+        _print(proposed, [joint.unit for joint in machine.mechanism.joints])
+    if proposed.fault:
+        raise Failed(proposed.fault)
     if output is not None:
-        output.write_text(settings_text(robot, guide), encoding="utf-8")
+        output.write_text(settings_text(robot, proposed), encoding="utf-8")
         if not as_json:
             out.print(f"written to {output}")
 
@@ -105,9 +107,9 @@ def _ranges(description: Path, names: list[str]) -> list[Proposal]:
 
 
 def _measured(robot: str, seconds: float, output: Path | None, as_json: bool) -> None:
-    """What this computer keeps of the times. Raises Failed where it does not keep those in force."""
+    """Times that this computer keeps. Raises Failed where it does not keep those in force."""
     settings, _machine = read_settings(robot)
-    from irsbot_supervisor.measuring import measure  # needs ROS, which the rest does not
+    from irsbot_supervisor.processes.measuring import measure  # needs ROS, which the rest does not
 
     if not as_json:
         err.print(f"the suite runs for {seconds:g} s; load this computer as it will be at work")
@@ -124,15 +126,15 @@ def _measured(robot: str, seconds: float, output: Path | None, as_json: bool) ->
         head = f"# Measured by `irsbot limits --measure` in {seconds:g} s\n/**:\n  {PARAMETERS}:\n"
         output.write_text(head + "\n".join(lines) + "\n", encoding="utf-8")
     if missed := [one for one in found if not one.kept]:
-        said = ", ".join(f"{one.name} of {one.now:g} s (proposed: {one.value:g} s)" for one in missed)
-        raise Failed(f"this computer does not keep {said}")
+        stated = ", ".join(f"{one.name} of {one.now:g} s (proposed: {one.value:g} s)" for one in missed)
+        raise Failed(f"this computer does not keep {stated}")
 
 
-def settings_text(robot: str, guide: Guide) -> str:
+def settings_text(robot: str, proposed: LimitProposal) -> str:
     """The proposed settings as a file of ROS parameters for any node, each with its reason."""
     lines = ["# Proposed by `irsbot limits`; units and meanings: irsbot settings", "/**:", f"  {PARAMETERS}:"]
     lines.append(f"    robot: {_yaml(robot)}")
-    lines += [f"    {name}: {_yaml(value)}  # {why}" for name, value, why in guide.proposals]
+    lines += [f"    {name}: {_yaml(value)}  # {why}" for name, value, why in proposed.proposals]
     return "\n".join(lines) + "\n"
 
 
@@ -141,14 +143,14 @@ def _yaml(value: Any) -> str:
     return yaml.safe_dump(plain, default_flow_style=True, width=10_000).splitlines()[0]
 
 
-def _print(guide: Guide, units: list[str]) -> None:
+def _print(proposed: LimitProposal, units: list[str]) -> None:
     table = Table("setting", "value", "why")
-    for one in guide.proposals:
+    for one in proposed.proposals:
         value = ", ".join(f"{number:g}" for number in one.value) if isinstance(one.value, tuple) else f"{one.value:g}"
         table.add_row(one.name, value, one.why)
     out.print(table)
-    table = Table("joint", "needs to stop", "platform meanwhile", "room at its best", "of the speed", "ends at")
-    for row in guide.stopping:
+    table = Table("joint", "needs to stop", "platform moves", "available at best", "of the speed", "limited by")
+    for row in proposed.stopping:
         table.add_row(
             row.joint,
             f"{row.needs:.3g} {row.unit}",
@@ -158,14 +160,12 @@ def _print(guide: Guide, units: list[str]) -> None:
             f"{row.margin}_stop" if row.margin else "-",
         )
     out.print(table)
-    out.print(f"all joints at once, in the worst combination: {guide.together:.0%} of the speed could be stopped")
-    out.print(
-        "\nWhat it costs: how far what joints can reach goes until they stand, and where a resting robot is stopped"
-    )
+    out.print(f"all joints at once, in the worst combination: {proposed.together:.0%} of the speed could be stopped")
+    out.print("\nCost: how far joints can move until they stand, and in how many postures a resting robot is stopped")
     table = Table(
         "machine", "brakes act after", "from rest", "platform", "from full speed", "platform", "stopped at rest"
     )
-    for cost in guide.costs:
+    for cost in proposed.costs:
         table.add_row(
             cost.machine,
             f"{cost.free_s * 1e3:.3g} ms",

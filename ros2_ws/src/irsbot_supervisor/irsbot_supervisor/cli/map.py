@@ -9,42 +9,38 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from irsbot_kinematics import BadInput, Robot
-from irsbot_kinematics.arithmetic import Array
-from irsbot_kinematics.design.rectangle import Limits, Rectangle
-from irsbot_kinematics.forces import Load
-from irsbot_kinematics.maps import (
+from irsbot_kinematics import BadInput, Robot, arguments
+from irsbot_kinematics.analysis.force_workspace import Load
+from irsbot_kinematics.analysis.rectangle import Limits, Rectangle, largest_rectangle
+from irsbot_kinematics.analysis.workspace_maps import (
     QUANTITIES,
     Box,
-    Locus,
     Map,
-    constraint_points,
-    free_rectangle,
     joint_map,
-    loci,
     reachable_box,
     type2_crossings,
     workspace_map,
 )
 from irsbot_kinematics.mechanism import Coordinate
-from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2
-from irsbot_kinematics.mechanisms.planar_pair import PlanarPair
-from irsbot_supervisor.cli.common import numbers, out, print_json, robot_named, sign_text, signs
+from irsbot_kinematics.numerics.arithmetic import Array
+from irsbot_supervisor.cli.common import numbers, out, print_json, robot_named, sign_text
 from irsbot_supervisor.cli.map_forces import draw_forces
 
 FORCE = "force"
-"""What is mapped besides margins."""
+"""Quantity that can be mapped in addition to the margins."""
 
 TURN = (-pi, pi)
 """rad: one turn of a crank, the default range of a joint map."""
+
+PICTURES = (".png", ".svg", ".pdf")
 
 
 def draw(
     robot: Annotated[str, typer.Argument(help="preset name or YAML file")],
     what: Annotated[str, typer.Option(help=f"one of {', '.join((*QUANTITIES, FORCE))}")] = "type2",
-    target: Annotated[Path, typer.Option("-o", "--output", help=".png for a picture, .npz for the numbers")] = Path(
-        "map.png"
-    ),
+    target: Annotated[
+        Path, typer.Option("-o", "--output", help=".png, .svg or .pdf for a picture, .npz for the numbers")
+    ] = Path("map.png"),
     mode: Annotated[str | None, typer.Option(help="working mode; the usual one if left out")] = None,
     box: Annotated[
         tuple[float, float, float, float] | None,
@@ -73,13 +69,11 @@ def draw(
         raise BadInput(f"--what is '{what}', must be one of {', '.join((*QUANTITIES, FORCE))}")
     if what != FORCE and (admissible is not None or centre is not None):
         raise BadInput("--admissible and --centre belong to --what force")
-    if target.suffix not in (".png", ".npz"):
-        raise BadInput(f"cannot write '{target}': the suffix must be .png or .npz")
+    if target.suffix not in (*PICTURES, ".npz"):
+        raise BadInput(f"cannot write '{target}': the suffix must be {', '.join(PICTURES)} or .npz")
     machine = robot_named(robot)
     mechanism = machine.mechanism
-    working_mode = signs(mode) if mode is not None else mechanism.usual_working_mode
-    if working_mode not in mechanism.working_modes:
-        raise BadInput(f"working mode {sign_text(working_mode)} has {len(working_mode)} signs, {robot} has other modes")
+    working_mode = arguments.working_mode(mechanism, mode)
     others = tuple(at or ())
     if what == FORCE:
         if joint_space or admissible is None:
@@ -95,21 +89,21 @@ def draw(
         return
     ranges = Box(box[:2], box[2:], others) if box is not None else reachable_box(mechanism, others)
     found = workspace_map(mechanism, working_mode, ranges, (nodes, nodes))
-    curves: tuple[Locus, ...] = ()
     rectangle = None
     crossings: Array = np.empty((0, 2))
-    if isinstance(mechanism, PlanarPair):
-        curves = loci(mechanism, working_mode)
-        if working_mode[0] == -working_mode[1]:
-            rectangle = free_rectangle(mechanism, Limits(0.0, 0.0, 0.0), working_mode)
-    else:
+    known = mechanism.loci(working_mode)
+    if known is None:
         crossings = type2_crossings(found)
+    curves = known or ()
+    if mechanism.symmetric_extent() and working_mode[0] == -working_mode[1]:
+        rectangle = largest_rectangle(mechanism, Limits(0.0, 0.0, 0.0), working_mode)
     outside = rectangle is not None and not _within(rectangle, ranges)
-    points = constraint_points(mechanism, working_mode) if isinstance(mechanism, Irsbot2) else np.empty((0, 2))
+    places = mechanism.constraint_points(working_mode)
+    points = np.array(places or ()).reshape(-1, 2)
     if target.suffix == ".npz":
         _save(found, target)
     else:
-        from irsbot_supervisor.pictures.map import draw_map  # matplotlib takes a second to load
+        from irsbot_supervisor.plots.map import draw_map  # matplotlib takes a second to load
 
         title = f"{machine.name}, working mode {sign_text(working_mode)}: {what}{_at(mechanism.task[2:], others)}"
         draw_map(found, what, title, curves, points, None if outside else rectangle, target, crossings)
@@ -118,13 +112,13 @@ def draw(
         rows: dict[str, Any] = {"reached_area": found.area, "constraint_points": points, "file": target}
         if rectangle is not None:
             rows |= {"free_rectangle": rectangle._asdict(), "free_area": rectangle.area, "free_in_box": not outside}
-        elif not isinstance(mechanism, PlanarPair):
+        elif known is None:
             rows |= {"type2_crossings": len(crossings)}
         print_json(rows)
         return
-    known = f"; constraint singularities: {len(points)}" if isinstance(mechanism, Irsbot2) else ""
-    out.print(f"reached in mode {sign_text(working_mode)}: {area}{known}")
-    if not isinstance(mechanism, PlanarPair):
+    counted = f"; constraint singularities: {len(points)}" if places is not None else ""
+    out.print(f"reached in mode {sign_text(working_mode)}: {area}{counted}")
+    if known is None:
         lines = f"read off the grid at {len(crossings)} places" if len(crossings) else "none between nodes of the grid"
         out.print(f"Type 2 lines: {lines}")
     if outside:
@@ -141,9 +135,9 @@ def _within(rectangle: Rectangle, box: Box) -> bool:
 
 
 def _at(further: tuple[Coordinate, ...], values: tuple[float, ...]) -> str:
-    """The values of the coordinates that a map does not show."""
-    said = [f"{one.name} = {value:g} {one.unit}" for one, value in zip(further, values, strict=True)]
-    return f" at {', '.join(said)}" if said else ""
+    """Values of the coordinates that the map does not show."""
+    stated = [f"{one.name} = {value:g} {one.unit}" for one, value in zip(further, values, strict=True)]
+    return f" at {', '.join(stated)}" if stated else ""
 
 
 def _draw_joints(machine: Robot, what: str, ranges: Box, nodes: int, target: Path, as_json: bool) -> None:
@@ -152,7 +146,7 @@ def _draw_joints(machine: Robot, what: str, ranges: Box, nodes: int, target: Pat
     if target.suffix == ".npz":
         _save(found, target)
     else:
-        from irsbot_supervisor.pictures.map import draw_map  # matplotlib takes a second to load
+        from irsbot_supervisor.plots.map import draw_map  # matplotlib takes a second to load
 
         nowhere = np.empty((0, 2))
         further = _at(machine.mechanism.joints[2:], ranges.others)

@@ -1,4 +1,4 @@
-"""`map --what force`: leg forces under a load of any direction, and where they stay admissible."""
+"""`map --what force`: leg forces under a load of any direction, and the poses at which they are admissible."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from irsbot_kinematics import BadInput, Robot
-from irsbot_kinematics.arithmetic import Array
-from irsbot_kinematics.forces import Load, force_workspace, reaction_map
-from irsbot_kinematics.maps import Box, area_where
+from irsbot_kinematics.analysis.force_workspace import Load, force_workspace, reaction_map
+from irsbot_kinematics.analysis.workspace_maps import Box, area_where
 from irsbot_kinematics.mechanism import Signs
+from irsbot_kinematics.numerics.arithmetic import Array
 from irsbot_supervisor.cli.common import out, print_json, sign_text
 
 
@@ -45,11 +45,11 @@ def draw_forces(
         angle, radius = (around.angle_rad, around.radius_m) if around is not None else (none, none)
         np.savez_compressed(target, first=first, second=second, reaction_max=forces, angle=angle, radius=radius)
     else:
-        from irsbot_supervisor.pictures.map import draw_force_map  # matplotlib takes a second to load
+        from irsbot_supervisor.plots.map import draw_force_map  # matplotlib takes a second to load
 
         names = tuple(coordinate.name for coordinate in mechanism.task[:2])
-        said = f"{load.force_n:g} N" + (f", {load.moment_nm:g} N m" if load.moment_nm else "")
-        title = f"{robot.name}, working mode {sign_text(mode)}: largest leg force under {said}"
+        stated = f"{load.force_n:g} N" + (f", {load.moment_nm:g} N m" if load.moment_nm else "")
+        title = f"{robot.name}, working mode {sign_text(mode)}: largest leg force under {stated}"
         draw_force_map((names[0], names[1]), first, second, largest, load.admissible_n, centre, around, title, target)
     if as_json:
         facts = {"admissible_area_m2": area, "smallest_n": float(np.nanmin(largest)) if carried.any() else None}

@@ -1,4 +1,4 @@
-"""`check-mechanism`: the laws of `irsbot_kinematics.conformance`, tried on one robot."""
+"""`check-mechanism`: tries the laws of `irsbot_kinematics.conformance` on one robot."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from rich.text import Text
 from irsbot_kinematics import BadInput
 from irsbot_kinematics.conformance import JOINTS, LAWS, Check, conformance
 from irsbot_supervisor.cli.common import Failed, err, out, print_json, robot_named
+from irsbot_supervisor.cli.new_mechanism_files import SKELETONS, skeleton
 from irsbot_supervisor.cli.outputs import check_target
-from irsbot_supervisor.new_mechanism import SKELETONS, skeleton
 
 MOST_JOINTS = 100_000
-"""Beyond this the answer takes hours and is no better."""
+"""More joint positions take hours and do not improve the answer."""
 
 
 def check_mechanism(
@@ -27,11 +27,12 @@ def check_mechanism(
     seed: Annotated[int, typer.Option(help="of the random numbers")] = 1,
     as_json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
 ) -> None:
-    """Does a mechanism keep the laws on which supervision stands: closure, Jacobians, forces, margins, guarantees.
+    """Check that a mechanism keeps the laws that supervision needs.
 
+    They concern closure, Jacobians, forces, margins and certified bounds.
     Exit code 1 if one is broken, with the posture and the numbers that break it.
 
-    Example: irsbot check-mechanism docs/examples/prr3/prr3.yaml
+    Example: irsbot check-mechanism docs/examples/prr3/prr3.yaml.
     """
     if robot.endswith(".py") or ".py:" in robot:
         raise BadInput(f"'{robot}' has no lengths; give the YAML file of a robot with 'mechanism: {robot}'")
@@ -68,9 +69,9 @@ def new_mechanism(
     force: Annotated[bool, typer.Option("--force", help="replace files that exist")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
 ) -> None:
-    """Write a skeleton of a mechanism of your own and its robot file; its equations remain to be filled in.
+    """Write a skeleton of your own mechanism and its robot file; you fill in its equations.
 
-    Example: irsbot new-mechanism Prr3 --legs 3 --platform planar
+    Example: irsbot new-mechanism Prr3 --legs 3 --platform planar.
     """
     if not re.fullmatch(r"[A-Z][A-Za-z0-9]*", name):
         raise BadInput(f"'{name}' is no name of a class: a capital letter, then letters and digits, such as Prr3")

@@ -1,4 +1,4 @@
-"""`send`, `reset`, `set`, `verdict`: what an operator does with a running suite, without the ros2 tool."""
+"""`send`, `reset`, `set`, `verdict`: operate a running suite without the ros2 tool."""
 
 from __future__ import annotations
 
@@ -10,17 +10,16 @@ import numpy as np
 import typer
 
 from irsbot_kinematics import BadInput
-from irsbot_msgs_py.records import Level, Verdict
+from irsbot_msgs_py.records import Level, Verdict, cause_names
 from irsbot_supervisor.cli.common import NUMBERS, Failed, existing, numbers, out, print_json
 from irsbot_supervisor.core.settings import Settings
-from irsbot_supervisor.replay import cause_names
 
 if TYPE_CHECKING:
-    from irsbot_supervisor.operating import Answer, Operator
+    from irsbot_supervisor.processes.operating import Answer, Operator
 
 Domain = Annotated[int, typer.Option(help="DDS domain", envvar="ROS_DOMAIN_ID", min=0, max=232)]
 Namespace = Annotated[str, typer.Option(help="namespace of the suite")]
-Patience = Annotated[float, typer.Option(help="how long an answer is waited for, s", min=0.1, max=600.0)]
+Patience = Annotated[float, typer.Option(help="longest wait for an answer, s", min=0.1, max=600.0)]
 AsJson = Annotated[bool, typer.Option("--json", help="print JSON")]
 
 app = typer.Typer(
@@ -31,7 +30,7 @@ app = typer.Typer(
 )
 
 LONGEST_S = 3600.0
-"""s of velocities: whoever wants more has no operator's command in mind."""
+"""s: longest time for which velocities are sent."""
 
 
 def verdict(
@@ -41,34 +40,34 @@ def verdict(
     wait: Patience = 5.0,
     as_json: AsJson = False,
 ) -> None:
-    """Tell the verdict of a running supervisor. Exit code 1 at STOP and UNKNOWN, and where none is heard.
+    """Print the verdict of a running supervisor. Exit code 1 at STOP and UNKNOWN, and if no verdict comes.
 
-    Example: irsbot verdict --follow
+    Example: irsbot verdict --follow.
     """
     with _operator(domain, namespace, wait) as operator:
-        said = _asked(operator.verdict)
-        _tell(said, as_json)
+        stated = _asked(operator.verdict)
+        _tell(stated, as_json)
         try:
             while follow:
-                before, said = said, _asked(operator.verdict)
-                if (said.level, said.causes, said.event, said.latched) != (
+                before, stated = stated, _asked(operator.verdict)
+                if (stated.level, stated.causes, stated.event, stated.latched) != (
                     before.level,
                     before.causes,
                     before.event,
                     before.latched,
                 ):
-                    _tell(said, as_json)
+                    _tell(stated, as_json)
         except KeyboardInterrupt:
             pass
-    if said.level >= Level.STOP:
-        raise Failed(f"{said.level.name}: the robot must brake")
+    if stated.level >= Level.STOP:
+        raise Failed(f"{stated.level.name}: the robot must brake")
 
 
 def reset(
-    event: Annotated[int, typer.Argument(help="number of the stop, as `irsbot verdict` tells it", min=0)],
+    event: Annotated[int, typer.Argument(help="number of the stop, from `irsbot verdict`", min=0)],
     by: Annotated[str, typer.Option(help="who resets")],
-    because: Annotated[str, typer.Option(help="why that is safe")],
-    seed_pose: Annotated[str | None, typer.Option(help="where the platform is, as seen: 0.3,-0.75")] = None,
+    because: Annotated[str, typer.Option(help="reason why it is safe")],
+    seed_pose: Annotated[str | None, typer.Option(help="pose of the platform, as seen: 0.3,-0.75")] = None,
     domain: Domain = 0,
     namespace: Namespace = "",
     wait: Patience = 5.0,
@@ -79,7 +78,7 @@ def reset(
     Example: irsbot reset 3 --by Ann --because "the work piece was taken out"
     """
     if not by.strip() or not because.strip():
-        raise BadInput("--by and --because must say who and why: they are kept in the record")
+        raise BadInput("--by and --because need the operator and the reason: both are recorded")
     parts = seed_pose.split(",") if seed_pose is not None else []
     pose = numbers(parts, "--seed-pose", len(parts))
     with _operator(domain, namespace, wait) as operator:
@@ -88,7 +87,7 @@ def reset(
 
 
 def set_(
-    words: Annotated[list[str], typer.Argument(metavar="NAME VALUE..", help="one or more settings with their values")],
+    words: Annotated[list[str], typer.Argument(metavar="NAME VALUE..", help="settings with their values")],
     domain: Domain = 0,
     namespace: Namespace = "",
     wait: Patience = 30.0,
@@ -107,15 +106,15 @@ def set_(
 @app.command(context_settings=NUMBERS)
 def velocity(
     rates: Annotated[list[str], typer.Argument(help="of every joint, rad/s or m/s, robot order")],
-    seconds: Annotated[float, typer.Option(help="for so long, then zero")] = 1.0,
+    seconds: Annotated[float, typer.Option(help="duration, s; then zero")] = 1.0,
     domain: Domain = 0,
     namespace: Namespace = "",
     wait: Patience = 5.0,
     as_json: AsJson = False,
 ) -> None:
-    """Send joint velocities for a while, then zero. Exit code 1 if the gate let none of them through.
+    """Send joint velocities for a while, then zero. Exit code 1 if none of them passed the gate.
 
-    Example: irsbot send velocity 0.5 -0.5 --seconds 2
+    Example: irsbot send velocity 0.5 -0.5 --seconds 2.
     """
     wanted = numbers(rates, "velocities", len(rates))
     if not 0.0 < seconds <= LONGEST_S:
@@ -126,9 +125,9 @@ def velocity(
     if as_json:
         print_json({"sent": wanted, "let_through": len(passed), "largest": largest})
     if any(wanted) and not any(largest):
-        raise Failed("the gate holds: nothing was let through; ask `irsbot verdict` why")
+        raise Failed(f"nothing passed the gate: {operator.held}; see `irsbot verdict`")
     if not as_json:
-        out.print(f"let through, at most: {' '.join(f'{value:g}' for value in largest)}")
+        out.print(f"passed, at most: {' '.join(f'{value:g}' for value in largest)}")
 
 
 @app.command()
@@ -143,7 +142,7 @@ def trajectory(
 
     Example: irsbot send trajectory motion.csv
     """
-    from irsbot_supervisor.columns import column_names, read_motion  # polars takes its time to load
+    from irsbot_supervisor.bag.columns import column_names, read_motion  # polars takes its time to load
 
     columns = column_names(existing(file, "the motion"))
     names = [name for name in columns if name != "time_s" and not name.endswith("_velocity")]
@@ -157,19 +156,19 @@ def trajectory(
     if as_json:
         print_json({"sent": len(times), "let_through": len(passed.points)})
     if len(passed.points) <= 1 < len(times):
-        raise Failed("the gate holds the robot; ask `irsbot check-trajectory` and `irsbot verdict` why")
+        raise Failed(f"nothing passed the gate: {operator.held}; see `irsbot check-trajectory` and `irsbot verdict`")
     if not as_json:
         out.print(f"the gate let {len(passed.points)} points through, of {len(times)}")
 
 
 def _operator(domain: int, namespace: str, wait: float) -> Operator:
-    from irsbot_supervisor.operating import Operator  # needs ROS, which the other commands do not
+    from irsbot_supervisor.processes.operating import Operator  # needs ROS, which the other commands do not
 
     return Operator(domain, namespace.strip("/"), wait)
 
 
 def _asked(question: Any) -> Any:
-    from irsbot_supervisor.operating import NobodyThere
+    from irsbot_supervisor.processes.operating import NobodyThere
 
     try:
         return question()
@@ -186,16 +185,21 @@ def _done(answer: Answer, text: str, as_json: bool) -> None:
         out.print(text)
 
 
-def _tell(said: Verdict, as_json: bool) -> None:
-    causes = cause_names(said.causes)
+def _tell(stated: Verdict, as_json: bool) -> None:
+    causes = cause_names(stated.causes)
     if as_json:
         print_json(
-            {**said._asdict(), "level": said.level.name, "causes": causes, "findings": [f.text for f in said.findings]}
+            {
+                **stated._asdict(),
+                "level": stated.level.name,
+                "causes": causes,
+                "findings": [f.text for f in stated.findings],
+            }
         )
         return
-    stop = f", stop {said.event} is latched: ./irsbot reset {said.event}" if said.latched else ""
-    out.print(f"{said.level.name}{f' ({causes})' if causes else ''}: speed up to {said.speed_scale:.0%}{stop}")
-    for finding in said.findings:
+    stop = f", stop {stated.event} is latched: ./irsbot reset {stated.event}" if stated.latched else ""
+    out.print(f"{stated.level.name}{f' ({causes})' if causes else ''}: speed up to {stated.speed_scale:.0%}{stop}")
+    for finding in stated.findings:
         out.print(f"  {finding.text}")
 
 
@@ -211,15 +215,15 @@ def _values(words: list[str]) -> dict[str, Any]:
         else:
             found[next(reversed(found))].append(word)
     values: dict[str, Any] = {}
-    for name, said in found.items():
+    for name, stated in found.items():
         metadata = known[name].metadata
         if metadata.get("read_only"):
             raise BadInput(f"{name} is read at the start alone")
-        if not said or (len(said) > 1 and not metadata.get("each_joint")):
-            raise BadInput(f"{name} needs {'a value' if not said else 'one value'}, got {' '.join(said) or 'none'}")
+        if not stated or (len(stated) > 1 and not metadata.get("each_joint")):
+            raise BadInput(f"{name} needs {'a value' if not stated else 'one value'}, got {' '.join(stated) or 'none'}")
         if metadata.get("words"):
-            values[name] = said[0]
+            values[name] = stated[0]
             continue
-        given = numbers(said, name, len(said))
+        given = numbers(stated, name, len(stated))
         values[name] = list(given) if metadata.get("each_joint") else given[0]
     return values

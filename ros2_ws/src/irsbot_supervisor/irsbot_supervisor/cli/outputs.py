@@ -1,4 +1,5 @@
-"""One rule for all files that commands write: never the input, an existing file only with --force, folders are made."""
+"""One rule for all files that commands write: never overwrite the input, an existing file only with --force; make
+folders."""
 
 from __future__ import annotations
 
@@ -16,15 +17,18 @@ from irsbot_kinematics import BadInput
 OUTPUTS = ("output", "target", "junit", "plot")
 """Parameters of commands that name a file to write."""
 
+FOLDERS = ("dataset", "pages")
+"""Likewise, of what becomes a folder where several bags are given; the command itself checks a folder that exists."""
+
 DRAFTS = ("write_expect",)
-"""Likewise, of files that are written by people and never replaced; the command itself refuses that."""
+"""The same for files that people write and that are never replaced; the command itself refuses that."""
 
 
 def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
-    """A command that keeps the rule, with the option --force (--overwrite where it has a force, in N); one that writes
-    no file stays as it is."""
+    """Add the rule and the option --force to a command (--overwrite if its --force is a force, in N). A command that
+    writes no file is returned unchanged."""
     signature = inspect.signature(command, eval_str=True)
-    named = [name for name in signature.parameters if name in OUTPUTS + DRAFTS]
+    named = [name for name in signature.parameters if name in OUTPUTS + FOLDERS + DRAFTS]
     if not named:
         return command
     flag = "overwrite" if "force" in signature.parameters else "force"
@@ -36,6 +40,8 @@ def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
         files = {name: given[name] for name in written if given[name] is not None}
         inputs = [entry for name, value in given.items() if name not in files for entry in _entries(value)]
         for name, file in files.items():
+            if name in FOLDERS and file.is_dir():
+                continue
             check_target(file, inputs, "" if force or name in DRAFTS else f"--{flag}")
         with _folders_of(files.values()):
             try:
@@ -54,8 +60,8 @@ def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def check_target(file: Path, inputs: list[str | Path], flag: str = "") -> None:
-    """Raises BadInput for a file that must not be written. flag: the option that allows to replace it; empty: it may
-    be replaced."""
+    """Raises BadInput for a file that must not be written. flag: option that allows replacing it; empty: it may be
+    replaced."""
     if file.is_dir():
         raise BadInput(f"cannot write '{file}': it is a folder")
     if not file.exists():
@@ -68,7 +74,7 @@ def check_target(file: Path, inputs: list[str | Path], flag: str = "") -> None:
 
 @contextmanager
 def _folders_of(files: Any) -> Iterator[None]:
-    """Make the folders of files; those in which nothing was written go again."""
+    """Make the folders of files; remove those in which nothing was written."""
     made: list[Path] = []
     try:
         for file in files:

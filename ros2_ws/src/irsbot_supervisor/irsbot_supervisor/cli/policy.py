@@ -1,4 +1,4 @@
-"""`policy`: who may do what, as SROS2 policies made from the nodes themselves."""
+"""`policy`: SROS2 policies generated from the nodes."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from typing import Annotated, Any
 import typer
 
 from irsbot_supervisor.cli.common import out, refuse
-from irsbot_supervisor.suite import free_domain
+from irsbot_supervisor.processes.suite import free_domain
 
 
 def policy(
     node: Annotated[str, typer.Argument(help="recorder, kinematics, supervisor, simulated_joints or operator")],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="write it here; printed if left out")] = None,
 ) -> None:
-    """Write the SROS2 policy of a node: what it uses is allowed, everything else is denied.
+    """Write the SROS2 policy of a node: it allows the names that the node uses and denies all others.
 
-    The node is started for a moment on a DDS domain of its own. Shipped policies: share/irsbot_supervisor/policies.
+    The node is started briefly on its own DDS domain. Shipped policies: share/irsbot_supervisor/policies.
 
-    Example: irsbot policy supervisor -o supervisor.policy.xml
+    Example: irsbot policy supervisor -o supervisor.policy.xml.
     """
     text = policy_of(node)
     if output is None:

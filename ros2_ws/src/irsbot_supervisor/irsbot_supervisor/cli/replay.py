@@ -1,168 +1,154 @@
-"""`replay`: a recorded run judged again from its bag; for CI with an expectation file and a JUnit report."""
+"""`replay`: judges a recorded run again from its bag; for CI with an expectation file and a JUnit report."""
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ElementTree
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import typer
 from rich.table import Table
 
-from irsbot_supervisor.cli.common import BAD_INPUT, Failed, err, existing, out, print_json
-from irsbot_supervisor.core.intake import S
-from irsbot_supervisor.replay import Assumption, Judged, Recording, cause_names, judge_again, read_recording
-from irsbot_supervisor.settings_file import read_values
-from irsbot_supervisor.story import Story, measures_of, read_story, write_draft
-from irsbot_supervisor.verify import Check, against_recording, against_story
+from irsbot_kinematics import BadInput
+from irsbot_msgs_py.records import cause_names
+from irsbot_supervisor.cli import fleet
+from irsbot_supervisor.cli.common import BAD_INPUT, Failed, err, out, print_json, progress_bar
+from irsbot_supervisor.cli.fleet import SchedulerOption, WorkersOption
+from irsbot_supervisor.cli.junit import Suite, write_junit
+from irsbot_supervisor.fleet.cluster import Cluster
+from irsbot_supervisor.fleet.records import BagCheck
+from irsbot_supervisor.fleet.search import bags_in
+from irsbot_supervisor.replay.expectation import write_draft
+from irsbot_supervisor.replay.judgement import BagJudgement, judge_bag
 
 RobotOption = Annotated[str | None, typer.Option(help="for bags of joint states alone: preset or YAML file")]
 SettingsOption = Annotated[
     Path | None,
-    typer.Option(help="for bags of joint states alone: YAML file with other settings than the shipped ones"),
+    typer.Option(
+        "--settings",
+        "--params",
+        help="for bags of joint states alone: YAML file with other settings than the shipped ones",
+    ),
 ]
 MechanismOption = Annotated[
     list[Path] | None,
-    typer.Option(help="file of a mechanism of your own, if neither where it was nor beside the bag; known by its hash"),
+    typer.Option(
+        help="file of your own mechanism, if not at its recorded place or beside the bag; its hash must match"
+    ),
 ]
-NamespaceOption = Annotated[str | None, typer.Option(help="whose run, in a bag of several robots")]
+TopicOption = Annotated[str | None, typer.Option(help="joint states to judge, in a bag with several topics of them")]
+BagsArgument = Annotated[
+    list[Path],
+    typer.Argument(
+        metavar="BAG...",
+        help="bags, and folders with bags: a bag is a folder or one file, .mcap, .db3, .bag, also .zstd",
+    ),
+]
+NamespaceOption = Annotated[str | None, typer.Option(help="namespace of the robot, in a bag of several robots")]
 
 
 def replay(
-    bag: Annotated[Path, typer.Argument(help="MCAP file, or a folder with one")],
+    bags: BagsArgument,
     expect: Annotated[Path | None, typer.Option(help="expectation file; expected.json beside the bag if there")] = None,
     write_expect: Annotated[
         Path | None, typer.Option(help="write a draft of an expectation file, to be edited")
     ] = None,
     junit: Annotated[Path | None, typer.Option(help="write a JUnit report here")] = None,
+    dataset: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            help="folder that keeps the samples of every bag; a bag that is there is not judged again",
+        ),
+    ] = None,
     robot: RobotOption = None,
     settings: SettingsOption = None,
     namespace: NamespaceOption = None,
+    topic: TopicOption = None,
     mechanism: MechanismOption = None,
+    scheduler: SchedulerOption = None,
+    workers: WorkersOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
 ) -> None:
-    """Judge a recorded run again, from the bag alone. Exit code 1 and the first difference if a verdict differs.
+    """Judge recorded runs again, from the bags alone. Exit code 1 and the first difference if a verdict differs.
 
     Example: irsbot replay bags/type2 --junit report.xml
+
+    Several bags, or a folder of them, give one line a bag: irsbot replay bags -o runs/fleet
     """
     try:
-        found = _judge(bag, expect, robot, settings, namespace, mechanism)
+        found = bags_in(bags)
+        if len(found) == 1 and dataset is None and scheduler is None:
+            alone = judged_with_progress(found[0], robot, settings, expect, namespace, topic, mechanism)
+            suites = [Suite(str(found[0]), [BagCheck(name, len(faults), faults) for name, faults in alone.checks])]
+        elif expect is not None or write_expect is not None:
+            raise BadInput("--expect and --write-expect are for one bag; several keep expected.json beside each bag")
+        else:
+            alone, options = None, fleet.options_of(robot, settings, namespace, topic, mechanism)
+            rows = fleet.judged(found, options, Cluster(scheduler, workers), dataset)
+            suites = [Suite(row.bag, row.checks, row.error) for row in rows]
     except (*BAD_INPUT, OSError) as error:
         if junit is not None:
-            write_junit(junit, str(bag), [], str(error))
+            write_junit(junit, [Suite(" ".join(map(str, bags)), [], str(error))])
         raise
     if junit is not None:
-        write_junit(junit, str(bag), found.checks)
-    recording, judged, checks, story = found.recording, found.judged, found.checks, found.story
-    measures = measures_of(recording, judged, story)
-    if as_json:
-        print_json(
-            {
-                "bag": bag,
-                "robot": judged.robot,
-                "chapters": _rows(recording, judged),
-                "measures": measures,
-                "errors": judged.errors,
-                "checks": [c._asdict() for c in checks],
-            }
-        )
+        write_junit(junit, suites)
+    if alone is None:
+        fleet.show(rows, dataset, as_json)
+        fleet.raise_if_failed(rows)
     else:
-        _print(recording, judged, checks, measures)
-    if write_expect is not None:
-        write_draft(recording, judged, write_expect, found.told, found.namespace)
-        err.print(f'draft written to {write_expect}: it counts when a person has read it and deleted its line "draft"')
-    if broken := [check for check in checks if check.faults]:
-        raise Failed(f"{broken[0].name}: {len(broken[0].faults)} difference(s), the first: {broken[0].faults[0]}")
+        _tell(alone, as_json)
+        if write_expect is not None:
+            _write_draft(alone, write_expect, namespace)
+        if broken := [check for check in alone.checks if check.faults]:
+            raise Failed(f"{broken[0].name}: {len(broken[0].faults)} difference(s), the first: {broken[0].faults[0]}")
 
 
-class _Found(NamedTuple):
-    """A run judged again, and what it was compared with."""
-
-    recording: Recording
-    judged: Judged
-    checks: list[Check]
-    story: Story | None
-    told: Assumption | None
-    namespace: str | None
+def _write_draft(found: BagJudgement, target: Path, namespace: str | None) -> None:
+    whose = namespace or (found.expectation.namespace if found.expectation else None)
+    write_draft(found.recording, found.judged, target, found.assumption, whose)
+    err.print(f'draft written to {target}: it counts when a person has read it and deleted its line "draft"')
 
 
-def _judge(
+def judged_with_progress(
     bag: Path,
-    expect: Path | None,
     robot: str | None,
     settings: Path | None,
+    expect: Path | None,
     namespace: str | None,
+    topic: str | None,
     mechanism: list[Path] | None,
-) -> _Found:
-    story = story_of(existing(bag, "the bag"), expect)
-    namespace = namespace or (story.namespace if story else None)
-    recording = read_recording(bag, namespace)
-    told = assumption(robot, settings, story)
-    judged = judge_again(recording, told, files_of(mechanism))
-    checks = against_recording(recording, judged)
-    if story is not None:
-        checks += against_story(recording, judged, story)
-    return _Found(recording, judged, checks, story, told, namespace)
+) -> BagJudgement:
+    """Judge the bag again, with a progress bar for long bags."""
+    with progress_bar() as bar:
+        task = bar.add_task("judging again", total=None)
+
+        def progress(done: int, samples: int) -> None:
+            if not done % 1000:
+                bar.update(task, completed=done, total=samples)
+
+        return judge_bag(
+            bag,
+            robot,
+            settings,
+            expect=expect,
+            namespace=namespace,
+            topic=topic,
+            mechanisms=mechanism,
+            progress=progress,
+        )
 
 
-def files_of(mechanism: list[Path] | None) -> list[Path] | None:
-    """Files that were named. Raises BadInput."""
-    return [existing(file, "the mechanism file") for file in mechanism] if mechanism else None
-
-
-def story_of(bag: Path, expect: Path | None = None) -> Story | None:
-    """The expectations of a bag: those given, or those beside it if there are any. Raises BagError."""
-    beside = bag / "expected.json" if bag.is_dir() else bag.with_name("expected.json")
-    file = expect or (beside if beside.is_file() else None)
-    return read_story(file) if file is not None else None
-
-
-def assumption(robot: str | None, settings: Path | None, story: Story | None) -> Assumption | None:
-    """What is told of a bag that does not say it: on the command line, or else in its expectations. Raises BadInput,
-    InvalidSettings."""
-    told = story.told if story is not None else None
-    if robot is not None:
-        told = Assumption(robot)
-    if settings is not None:
-        changes = read_values(existing(settings, "the settings file"))
-        told = Assumption(told.robot if told else None, changes)
-    return told
-
-
-def write_junit(path: Path, name: str, checks: list[Check], error: str = "") -> None:
-    """One test case per check, as CI systems read them. error: why there was nothing to check."""
-    failures, errors = sum(bool(check.faults) for check in checks), int(bool(error))
-    count = len(checks) + errors
-    suite = ElementTree.Element("testsuite", name=name, tests=str(count), failures=str(failures), errors=str(errors))
-    for check in checks:
-        case = ElementTree.SubElement(suite, "testcase", classname="irsbot.replay", name=check.name)
-        if check.faults:
-            ElementTree.SubElement(case, "failure", message=check.faults[0]).text = "\n".join(check.faults)
-    if error:
-        case = ElementTree.SubElement(suite, "testcase", classname="irsbot.replay", name="replay")
-        ElementTree.SubElement(case, "error", message=error)
-    ElementTree.ElementTree(suite).write(path, encoding="unicode", xml_declaration=True)
-
-
-def _rows(recording: Recording, judged: Judged) -> list[dict[str, object]]:
-    return [
-        {
-            "time_s": (chapter.since_ns - recording.begin_ns) / S,
-            "level": chapter.level.name,
-            "causes": cause_names(chapter.causes),
-            "latched": chapter.latched,
-            "event": chapter.event,
-            "text": chapter.text,
-        }
-        for chapter in judged.chapters
-    ]
-
-
-def _print(recording: Recording, judged: Judged, checks: list[Check], measures: dict[str, float]) -> None:
+def _tell(found: BagJudgement, as_json: bool) -> None:
+    """One bag in full."""
+    if as_json:
+        print_json(found.as_json())
+        return
+    recording, judged = found.recording, found.judged
     table = Table("time [s]", "level", "causes", "finding")
-    for row in _rows(recording, judged):
-        table.add_row(f"{row['time_s']:.3f}", str(row["level"]), str(row["causes"]), str(row["text"]))
-    out.print(f"robot: {judged.robot}")
+    for interval in found.levels:
+        table.add_row(f"{interval.time_s:.3f}", interval.level.name, cause_names(interval.causes), interval.text)
+    out.print(f"robot: {found.robot}")
     out.print("times count from the first joint state of the bag")
     out.print(table)
     if recording.loss:
@@ -179,6 +165,6 @@ def _print(recording: Recording, judged: Judged, checks: list[Check], measures: 
         out.print(
             f"{len(judged.errors)} error(s) inside, each judged UNKNOWN; the first: {judged.errors[0]}", markup=False
         )
-    out.print(", ".join(f"{name} {value:.4g}" for name, value in measures.items() if value == value))
-    for check in checks:
+    out.print(", ".join(f"{name} {value:.4g}" for name, value in found.measures.items() if value == value))
+    for check in found.checks:
         out.print(f"{check.name}: {'same' if not check.faults else f'{len(check.faults)} difference(s)'}")

@@ -2,104 +2,66 @@
 
 from __future__ import annotations
 
-import base64
-import tempfile
-from dataclasses import fields
-from html import escape
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from irsbot_kinematics import BadInput
-from irsbot_supervisor.cli.common import existing, out, print_json
+from irsbot_supervisor.cli import fleet
+from irsbot_supervisor.cli.common import out, print_json
+from irsbot_supervisor.cli.fleet import SchedulerOption, WorkersOption
 from irsbot_supervisor.cli.replay import (
+    BagsArgument,
     MechanismOption,
     NamespaceOption,
     RobotOption,
     SettingsOption,
-    assumption,
-    files_of,
-    story_of,
+    TopicOption,
+    judged_with_progress,
 )
-from irsbot_supervisor.core.intake import S
-from irsbot_supervisor.core.settings import Settings
-from irsbot_supervisor.journal import Configuration
-from irsbot_supervisor.outcome import Outcome, outcome
-from irsbot_supervisor.replay import Judged, Recording, cause_names, judge_again, read_recording
-from irsbot_supervisor.sim.scenarios import Expectation
-from irsbot_supervisor.verify import against_recording
-
-STYLE = """body{font:15px sans-serif;margin:2em auto;max-width:70em}table{border-collapse:collapse}
-td,th{border:1px solid #bbb;padding:.3em .6em;text-align:left;vertical-align:top}img{max-width:100%}
-.STOP{background:#f7b2a5}.WARN{background:#fee8a8}.UNKNOWN{background:#d8c9e6}.OK{background:#d9f0d3}"""
+from irsbot_supervisor.fleet.cluster import Cluster
+from irsbot_supervisor.fleet.search import bags_in
 
 
 def report(
-    bag: Annotated[Path, typer.Argument(help="MCAP file, or a folder with one")],
-    target: Annotated[Path, typer.Option("-o", "--output", help="page to write, .html")],
+    bags: BagsArgument,
+    pages: Annotated[
+        Path, typer.Option("-o", "--output", help="page to write, .html; for several bags the folder of their pages")
+    ],
     robot: RobotOption = None,
     settings: SettingsOption = None,
     namespace: NamespaceOption = None,
+    topic: TopicOption = None,
     mechanism: MechanismOption = None,
+    scheduler: SchedulerOption = None,
+    workers: WorkersOption = None,
     as_json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
 ) -> None:
-    """Write one self-contained page about a run: picture, chapters, smallest margins, settings, replay.
+    """Write one self-contained page about a run: verdicts, margins, motion and the mechanism over time.
 
     Example: irsbot report runs/demo/bag -o run.html
+
+    Several bags, or a folder of them, give a page each and one of all: irsbot report bags -o runs/fleet
     """
-    if target.suffix != ".html":
-        raise BadInput(f"cannot write '{target}': the suffix must be .html")
-    story = story_of(existing(bag, "the bag"))
-    recording = read_recording(bag, namespace or (story.namespace if story else None))
-    judged = judge_again(recording, assumption(robot, settings, story), files_of(mechanism))
-    found = outcome(recording, Expectation(stop=False))
-    target.write_text(_page(bag, recording, judged, found), encoding="utf-8")
-    if as_json:
-        print_json({"bag": bag, "robot": judged.robot, "file": target})
-    else:
-        out.print(f"written to {target}")
-
-
-def _page(bag: Path, recording: Recording, judged: Judged, found: Outcome) -> str:
-    chapters = "".join(
-        f'<tr class="{chapter.level.name}"><td>{(chapter.since_ns - recording.begin_ns) / S:.3f}</td>'
-        f"<td>{chapter.level.name}</td><td>{escape(cause_names(chapter.causes))}</td>"
-        f"<td>{escape(chapter.text)}</td></tr>"
-        for chapter in judged.chapters
-    )
-    nearest = "".join(f"<li>smallest {escape(str(one))}</li>" for one in found.nearest)
-    checks = "".join(
-        f"<li>{escape(check.name)}: {escape(check.faults[0]) if check.faults else 'same'}</li>"
-        for check in against_recording(recording, judged)
-    )
-    entry = next((entry for entry in recording.journal if isinstance(entry, Configuration)), None)
-    settings = entry.values if entry else {}
-    units = {known.name: str(known.metadata["unit"]) for known in fields(Settings)}
-    rows = "".join(
-        f"<tr><td>{escape(name)}</td><td>{escape(str(value))}</td><td>{escape(units.get(name, ''))}</td></tr>"
-        for name, value in settings.items()
-    )
-    return (
-        f"<!doctype html><meta charset='utf-8'><title>{escape(bag.name)}</title><style>{STYLE}</style>"
-        f"<h1>{escape(str(bag))}</h1><p>{len(recording.samples)} joint states, {len(recording.states)} judged. "
-        f"Robot: {escape(judged.robot)}. "
-        f"Times count from the first joint state of the bag. {escape(recording.loss)}</p>"
-        f"{_picture(recording, found)}<h2>Verdicts</h2><table>"
-        f"<tr><th>time [s]</th><th>level</th><th>causes</th><th>finding</th></tr>{chapters}</table>"
-        f"<h2>Margins</h2><ul>{nearest}</ul>"
-        f"<h2>Judged again</h2><ul>{checks or '<li>no supervisor in the bag to compare with</li>'}</ul>"
-        f"<h2>Settings</h2><table><tr><th>setting</th><th>value</th><th>unit</th></tr>{rows}</table>"
-    )
-
-
-def _picture(recording: Recording, found: Outcome) -> str:
-    from irsbot_supervisor.pictures.run import draw_run  # matplotlib takes a second to load
-
-    with tempfile.TemporaryDirectory() as folder:
-        target = Path(folder) / "run.png"
-        draw_run(recording, found, target)
-        if not target.is_file():
-            return ""
-        data = base64.b64encode(target.read_bytes()).decode()
-    return f'<img alt="margins and verdict over time" src="data:image/png;base64,{data}">'
+    found = bags_in(bags)
+    if len(found) == 1 and scheduler is None and pages.suffix != ".html":
+        raise BadInput(f"cannot write '{pages}': the suffix must be .html")
+    try:
+        from irsbot_supervisor.report.page import page, page_data  # nothing else needs a template
+    except ImportError as error:
+        raise BadInput(f"a page needs {error.name}: 'pip install jinja2'") from None
+    if len(found) == 1 and scheduler is None:
+        alone = judged_with_progress(found[0], robot, settings, None, namespace, topic, mechanism)
+        pages.write_text(page(page_data(alone)), encoding="utf-8")
+        if as_json:
+            print_json({"bag": found[0], "robot": alone.robot, "file": pages, "summary": alone.summary})
+        else:
+            out.print(f"written to {pages}")
+        return
+    if pages.suffix:
+        raise BadInput(f"cannot write '{pages}': {len(found)} bags need a folder, without a suffix")
+    options = fleet.options_of(robot, settings, namespace, topic, mechanism)
+    rows = fleet.judged(found, options, Cluster(scheduler, workers), pages, page=True)
+    fleet.show(rows, pages, as_json)
+    fleet.raise_if_not_judged(rows)

@@ -10,11 +10,11 @@ import typer
 from rich.table import Column, Table
 
 from irsbot_supervisor.cli.common import existing, out, print_json
+from irsbot_supervisor.configuration.loading import read_settings, read_values
 from irsbot_supervisor.core.settings import Settings
-from irsbot_supervisor.settings_file import read_settings, read_values
 
 WIDE = 130
-"""Columns of a terminal from which unit and range have columns of their own."""
+"""Width of the terminal, in columns, from which unit and range have their own columns."""
 
 
 def settings(
@@ -48,7 +48,7 @@ def settings(
 
 
 def _told(value: Any) -> str:
-    """A value for a reader; what is the same for every joint is said once."""
+    """A value as text; a value that all joints share is printed once."""
     if not isinstance(value, tuple):
         return f"{value:g}" if isinstance(value, float) else str(value)
     each = [_told(one) for one in value]

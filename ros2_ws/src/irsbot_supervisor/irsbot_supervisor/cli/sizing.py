@@ -37,9 +37,10 @@ def size(
     output: Annotated[Path | None, typer.Option("-o", "--output", help="write the design as a YAML file")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
 ) -> None:
-    """Tubes of least mass under a deflection limit over 20 poses, as the paper's (22); exit code 1 if there are none.
+    """Tubes of least mass under a deflection limit over 20 poses, after (22) of the paper; exit code 1 if there are
+    none.
 
-    Example: irsbot design size irsbot2_table2 --largest 0.001227 --mean 0.001135 --wall 0.002:0.01 -o sized.yaml
+    Example: irsbot design size irsbot2_table2 --largest 0.001227 --mean 0.001135 --wall 0.002:0.01 -o sized.yaml.
     """
     start = stiffness.load(name, robot=robot, **changes(set_, rigid))
     if not isinstance(start, Structure):
@@ -101,7 +102,7 @@ def _print(found: stiffness.Sized) -> None:
         before = "-" if found.before is None else f"{getattr(found.before, name):.4g}"
         table.add_row(name.replace("_", " "), f"{getattr(found.statistics, name):.4g}", before)
     out.print(table)
-    table = Table("active: what holds the design back", "value", "limit")
+    table = Table("active: constraints that limit the design", "value", "limit")
     for active in found.active:
         table.add_row(active.name, f"{active.value:.6g}", f"{active.limit:.6g}")
     out.print(table)

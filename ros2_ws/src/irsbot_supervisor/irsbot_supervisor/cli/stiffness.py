@@ -1,4 +1,4 @@
-"""`stiffness`: how far a robot of tubes bends, and what that takes off its margins."""
+"""`stiffness`: deflection of a robot of tubes, and the loss of margin by bending."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import typer
 from rich.table import Table
 
 from irsbot_kinematics import BadInput, Robot, stiffness
-from irsbot_kinematics.arithmetic import Array
-from irsbot_kinematics.design.rectangle import Limits
+from irsbot_kinematics.analysis.rectangle import Limits
+from irsbot_kinematics.numerics.arithmetic import Array
 from irsbot_kinematics.stiffness import Load, Structure
 from irsbot_supervisor.cli.common import Failed, measure, numbers, out, print_json
 
@@ -21,7 +21,7 @@ WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
 ROUNDING = 1e-12
 """1: entries this much smaller than the largest are printed as 0."""
 SIDEWAYS = (0.0, 100.0, 0.0, 0.0, 0.0, 0.0)
-"""N, N m: the load of the paper."""
+"""N, N m: load across the plane of motion, as in the paper."""
 
 Design = Annotated[str | None, typer.Argument(metavar="ROBOT", help="elastic design or YAML file; none: list them")]
 Set = Annotated[list[str] | None, typer.Option("--set", help="replace a length, such as spacing=0.4 or beta=30deg")]
@@ -44,7 +44,7 @@ def show(
         typer.Option(metavar="FX FY FZ MX MY MZ", help="load at P, N and N m"),
     ] = SIDEWAYS,
     mass: Annotated[float | None, typer.Option(help="kg at P, for the first natural frequency")] = None,
-    force: Annotated[float, typer.Option(help="N of any direction, for what bending takes off the margins")] = 0.0,
+    force: Annotated[float, typer.Option(help="N of any direction, for the loss of margin by bending")] = 0.0,
     moment: Annotated[float, typer.Option(help="N m of any direction, likewise")] = 0.0,
     payload: Annotated[float, typer.Option(help="kg of platform and payload, likewise")] = 0.0,
     acceleration: Annotated[float, typer.Option(help="m/s2, the largest of the platform, likewise")] = 0.0,
@@ -58,11 +58,11 @@ def show(
     nodes: Annotated[int, typer.Option(help="nodes of the map along each axis", min=2, max=2000)] = 201,
     as_json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
 ) -> None:
-    """Stiffness, deflection, frequency and masses of a robot of tubes, and what bending takes off its margins.
+    """Stiffness, deflection, frequency and masses of a robot of tubes, and the loss of margin by bending.
 
-    Without ROBOT: the shipped designs, and the tables of the paper beside what the model gives.
+    Without ROBOT: the shipped designs, and the tables of the paper compared with the model.
 
-    Example: irsbot stiffness irsbot2_table2 0 -0.8 --wrench 0 100 0 0 0 0 --mass 1.5
+    Example: irsbot stiffness irsbot2_table2 0 -0.8 --wrench 0 100 0 0 0 0 --mass 1.5.
     """
     if name is None:
         _overview(as_json)
@@ -91,7 +91,7 @@ def show(
 
 
 def _statistics(design: Structure) -> dict[str, float] | None:
-    """Over the assumed poses; None where the robot does not reach them all."""
+    """Statistics over the assumed poses; None if the robot does not reach all of them."""
     try:
         return stiffness.statistics(design)._asdict()
     except BadInput:
@@ -99,7 +99,7 @@ def _statistics(design: Structure) -> dict[str, float] | None:
 
 
 def changes(set_: list[str] | None, rigid: list[str] | None) -> dict[str, Any]:
-    """What `stiffness.load` is to change. Raises BadInput."""
+    """Changes for `stiffness.load`. Raises BadInput."""
     found: dict[str, Any] = {}
     for entry in set_ or []:
         key, equals, value = entry.partition("=")
@@ -143,13 +143,13 @@ def _elastic_facts(
 
 
 def _margin_facts(design: Structure, pose: tuple[float, ...], load: Load) -> dict[str, Any]:
-    """Margins of the rigid posture, and what is left of them for certain when the load bends it."""
+    """Margins of the rigid posture, and their certified lower bounds under the load."""
     robot = Robot(design.mechanism)
     at = robot.posture(robot.inverse(pose, design.working_mode))
     found = stiffness.pose_errors(design, np.array([pose]), load)
     slack = float(found.slack_m[0])
     mechanism, still = design.mechanism, (0.0,) * len(at.joints)
-    sure = [bound(at, still, slack) for bound in (mechanism.guarantee, mechanism.guarantee_sharp)]
+    sure = [bound(at, still, slack) for bound in (mechanism.certified_bounds, mechanism.sharp_bounds)]
     return {
         "load": {**asdict(load), "total_force_n": load.force},
         "slack_m": slack,
@@ -197,7 +197,7 @@ def _print(facts: dict[str, Any]) -> None:
 
 
 def _tidy(values: Array) -> Array:
-    """Without what rounding leaves where an entry is 0."""
+    """Replace entries that differ from 0 only by rounding."""
     tidy: Array = np.where(np.abs(values) > ROUNDING * np.abs(values).max(), values, 0.0)
     return tidy
 
@@ -251,7 +251,7 @@ def _map(
     if target.suffix == ".npz":
         np.savez_compressed(target, x=found.x, z=found.z, twist=found.twist, status=found.status, wrench=found.wrench)
     else:
-        from irsbot_supervisor.pictures.stiffness import draw_deflection  # matplotlib takes a second to load
+        from irsbot_supervisor.plots.stiffness import draw_deflection  # matplotlib takes a second to load
 
         load = " ".join(f"{part:g}" for part in wrench)
         draw_deflection(found, f"{design.name}: wrench {load} (N, N m) at P", target)

@@ -7,21 +7,21 @@ from typing import Annotated
 
 import typer
 
-from irsbot_kinematics import urdf
+from irsbot_kinematics.description import urdf
 from irsbot_supervisor.cli.common import out, robot_named
+from irsbot_supervisor.configuration.loading import shipped_values
 from irsbot_supervisor.core.settings import UNLIMITED, completed
-from irsbot_supervisor.settings_file import shipped_values
 
 
 def write(
     robot: Annotated[str, typer.Argument(help="preset name or YAML file")],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="write it here; printed if left out")] = None,
 ) -> None:
-    """Write a robot as URDF: links, joints with their limits, passive joints, and cylinders to look at.
+    """Write a robot as URDF: links, joints with their limits, passive joints, and cylinders for display.
 
-    URDF knows no loops: they are cut. The supervisor publishes the positions of the passive joints.
+    URDF has no loops: they are cut. The supervisor publishes the positions of the passive joints.
 
-    Example: irsbot urdf irsbot2 -o irsbot2.urdf
+    Example: irsbot urdf irsbot2 -o irsbot2.urdf.
     """
     machine = robot_named(robot)
     text = urdf.urdf(machine)

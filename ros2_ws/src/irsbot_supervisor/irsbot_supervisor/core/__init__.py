@@ -1,4 +1,5 @@
 """The decision core: samples in, verdicts out. No ROS, no clock, no I/O; one direction from sample to verdict.
 
-intake -> estimator -> assess -> stopping -> policy -> latch, in this order, by `pipeline.Supervisor.step`.
+`supervisor.Supervisor.step` runs validation, estimator, assessment, stopping prediction, policy and latch, in this
+order.
 """

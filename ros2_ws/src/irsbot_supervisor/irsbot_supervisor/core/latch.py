@@ -1,20 +1,20 @@
-"""From findings to the verdict: the worst wins, every cause is kept for a dwell time, a stop is held until reset, or
-passed for a while where an operator has bypassed its cause.
-"""
+"""From findings to the verdict: the worst level wins, every cause is kept for the dwell time, a stop is latched until
+its reset, or passed for a limited time if an operator has bypassed its cause."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from irsbot_msgs_py.records import Bypass, Cause, Finding, Floats, Level
+from irsbot_msgs_py.records import Bypass, Cause, Finding, Level
+from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.core.bypass import InForce, in_force
-from irsbot_supervisor.core.intake import S
+from irsbot_supervisor.core.escape import NO_ESCAPE, Escape
 from irsbot_supervisor.core.settings import Settings
 
 
 class Judgement(NamedTuple):
-    """Level and causes now in force, and since when."""
+    """Level and causes in force, and the time since when they are."""
 
     level: Level
     causes: int  # sum of Cause bits
@@ -23,27 +23,31 @@ class Judgement(NamedTuple):
     since_ns: int
     speed_scale: float
     findings: tuple[Finding, ...]
-    escape: Floats
+    escape: Escape
     bypassed: int = 0  # the Cause bit that does not stop at present
 
 
 class Latch:
-    """Holds findings and stops. Moved by `update`, `reset` and `bypass` alone."""
+    """Holds findings and stops. Only `update`, `reset` and `bypass` change it."""
 
     def __init__(self, settings: Settings) -> None:
         self.configure(settings)
         self._held: dict[tuple[int, Level], tuple[Finding, int]] = {}
         self._stopped_by: tuple[Finding, ...] = ()
-        self._escape: Floats = ()
+        self._escape = NO_ESCAPE
         self._bypass: InForce | None = None
-        self.turns: list[Judgement] = []
-        """Judgements that came into force since this list was last emptied."""
-        self.now = Judgement(Level.UNKNOWN, 0, False, 0, 0, 0.0, (), ())
+        self._transitions: list[Judgement] = []
+        self.now = Judgement(Level.UNKNOWN, 0, False, 0, 0, 0.0, (), NO_ESCAPE)
 
     def configure(self, settings: Settings) -> None:
-        """New times; what is held and latched stays so."""
-        self._dwell_ns = round(settings.dwell_s * S)
+        """Take in new times; findings and latches are kept."""
+        self._dwell_ns = round(settings.dwell_s * NS_PER_S)
         self._slow = settings.recovery_share
+
+    def take_transitions(self) -> tuple[Judgement, ...]:
+        """The judgements that have come into force since the last call, in order."""
+        taken, self._transitions = tuple(self._transitions), []
+        return taken
 
     @property
     def latched(self) -> bool:
@@ -51,25 +55,25 @@ class Latch:
 
     @property
     def lost(self) -> bool:
-        """Whether the loss of the branch is latched."""
+        """True if the loss of the branch is latched."""
         return any(map(_is_lost, self._stopped_by))
 
     @property
     def bypassed_until_ns(self) -> int | None:
-        """When the bypass in force ends, steady clock; None if there is none."""
+        """End of the bypass in force, steady clock; None if there is none."""
         return self._bypass.until_ns if self._bypass is not None else None
 
     def keep(self, findings: Iterable[Finding], at_ns: int) -> None:
-        """Findings that hold without a break until a moment, however long ago somebody looked."""
+        """Findings that last without a break until a moment, whenever they were last evaluated."""
         for finding in self._passed(findings):
             self._held[finding.cause, finding.level] = finding, at_ns
 
     def count_on(self, event: int) -> None:
-        """The next stop has at least this number."""
+        """Give the next stop at least this number."""
         self.now = self.now._replace(event=max(self.now.event, event - 1))
 
-    def update(self, findings: list[Finding], at_ns: int, escape: Floats = ()) -> bool:
-        """Take in what was found at a time (steady clock). True if the judgement changed."""
+    def update(self, findings: list[Finding], at_ns: int, escape: Escape = NO_ESCAPE) -> bool:
+        """Take in the findings of a time (steady clock). True if the judgement changed."""
         if self._bypass is not None:
             findings = self._as_of(findings, at_ns)
         held = self._held
@@ -83,13 +87,13 @@ class Latch:
             stops = () if self.lost else tuple(filter(_is_lost, stops))
         if stops:
             self._stopped_by += stops
-            self._escape = self._escape or escape
+            self._escape = self._escape if self._escape.direction else escape
             self.now = self.now._replace(event=self.now.event + 1)
         return self._set(at_ns) or changed
 
     def _release(self, at_ns: int, again: set[tuple[int, Level]]) -> bool:
-        """Let go of what was not found for the dwell time, in the order in which it lapsed and dated to that moment:
-        when somebody looks must not show in a replay."""
+        """Remove findings that were not found for the dwell time, in the order and with the time of their end: the
+        times of evaluation must not show in a replay."""
         changed = False
         lapsed = sorted(
             (last_ns + self._dwell_ns, key)
@@ -102,10 +106,10 @@ class Latch:
                 changed = self._set(end_ns) or changed
         return changed
 
-    def reset(self, event: int, at_ns: int, standing: bool, active: list[Finding], escape: Floats = ()) -> str:
-        """End the stop number `event`. Returns an empty text, or why not. active: what is found as soon as the branch
-        is confirmed. A branch that is confirmed while the cause of a stop is active is known from then on, and a new
-        event is the stop: there is a way out of it, `escape`."""
+    def reset(self, event: int, at_ns: int, standing: bool, active: list[Finding], escape: Escape = NO_ESCAPE) -> str:
+        """End the stop number `event`. Returns an empty text, or the reason for a refusal. active: findings once the
+        branch is confirmed. If the branch is confirmed while the cause of a stop is active, the branch is known from
+        then on, and the stop becomes a new event with the way out `escape`."""
         if refusal := self.refused(event, standing):
             return refusal
         if unknown := self._unknown(active, at_ns):
@@ -121,7 +125,7 @@ class Latch:
         return f"the branch is confirmed, but the cause of a stop is still there: {stops[0].text}" if stops else ""
 
     def refused(self, event: int, standing: bool) -> str:
-        """Why a reset is refused, whatever is found; empty if that has to be looked at."""
+        """Reason to refuse a reset, independent of the findings; empty if the findings decide."""
         if not self._stopped_by:
             return "nothing to reset: no stop is latched"
         if event != self.now.event:
@@ -129,8 +133,8 @@ class Latch:
         return "" if standing else "the robot is not standing still"
 
     def bypass(self, wish: Bypass, standing: bool, active: list[Finding]) -> str:
-        """Let motion pass one cause of the stop `wish.event` for a while. Returns an empty text, or why not. active:
-        what is found now. The stop is over then; what stops afterwards is another one."""
+        """Allow motion in spite of one cause of the stop `wish.event` for a limited time. Returns an empty text, or the
+        reason for a refusal. active: present findings. The stop ends; a later stop is a new event."""
         if not self._stopped_by:
             return "nothing to bypass: no stop is latched"
         if wish.event != self.now.event:
@@ -144,21 +148,21 @@ class Latch:
         bypass, refusal = in_force(wish, active)
         if bypass is None:
             return refusal
-        self._bypass, self._stopped_by, self._escape = bypass, (), ()
+        self._bypass, self._stopped_by, self._escape = bypass, (), NO_ESCAPE
         self._held = {key: entry for key, entry in self._held.items() if key[1] < Level.STOP}
         self.keep(active, wish.seen_ns)
         self._set(wish.seen_ns)
         return ""
 
     def end_bypass(self) -> None:
-        """From now on its cause stops as any other."""
+        """End the bypass: its cause stops again."""
         if self._bypass is not None:
             words = self._bypass.words
             self._held = {key: entry for key, entry in self._held.items() if not entry[0].text.startswith(words)}
         self._bypass = None
 
     def _as_of(self, findings: list[Finding], at_ns: int) -> list[Finding]:
-        """Findings as they act at a time: what a bypass that ends now has passed may have lapsed before."""
+        """Findings with their effect at a time: those that a bypass passed may have lapsed before it ended."""
         bypass = self._bypass
         assert bypass is not None, "there is one"
         if at_ns >= bypass.until_ns or any(map(bypass.is_ended_by, findings)):
@@ -167,14 +171,14 @@ class Latch:
         return self._passed(findings)
 
     def _passed(self, findings: Iterable[Finding]) -> list[Finding]:
-        """Findings as they act: what is bypassed warns. Whatever else stops, and whatever is not known, ends that."""
+        """Findings with their effect: a bypassed one warns. Any other stop, and any UNKNOWN, ends the bypass."""
         found = list(findings)
         if self._bypass is not None and any(map(self._bypass.is_ended_by, found)):
             self.end_bypass()
         return found if self._bypass is None else [self._bypass.passed(finding) for finding in found]
 
     def _unknown(self, active: list[Finding], at_ns: int) -> str:
-        """What is not known, or was not known until just now; empty if all is."""
+        """Reason if the state is unknown, or was unknown until just now; empty if it is known."""
         if unknown := [finding for finding in active if finding.level == Level.UNKNOWN]:
             return f"the state of the robot is not known: {unknown[0].text}"
         for finding, last_ns in self._held.values():
@@ -188,8 +192,8 @@ class Latch:
         if not self._held and not self._stopped_by:
             if before.level == Level.OK and not before.latched and before.bypassed == bypassed:
                 return False
-            self.now = Judgement(Level.OK, 0, False, before.event, at_ns, most, (), (), bypassed)
-            self.turns.append(self.now)
+            self.now = Judgement(Level.OK, 0, False, before.event, at_ns, most, (), NO_ESCAPE, bypassed)
+            self._transitions.append(self.now)
             return True
         findings = tuple(finding for finding, _last in self._held.values())
         causes = 0
@@ -210,12 +214,12 @@ class Latch:
         scale = most if level < Level.STOP else 0.0
         self.now = Judgement(level, causes, latched, before.event, since, scale, findings, self._escape, bypassed)
         if not same:
-            self.turns.append(self.now)
+            self._transitions.append(self.now)
         return not same
 
 
 def _latches(finding: Finding) -> bool:
-    """Stops are held; so is the loss of the branch, which no later sample can bring back."""
+    """True for findings that are latched: stops, and the loss of the branch, which no later sample can restore."""
     return finding.level == Level.STOP or _is_lost(finding)
 
 

@@ -1,5 +1,5 @@
-"""Numbers against limits: the only place that compares with a threshold. The test is written for what is accepted,
-so that NaN falls through to the severe answer."""
+"""Compares numbers with limits; no other module compares with a threshold. Tests are written for accepted values, so
+that NaN falls through to the severe answer."""
 
 from __future__ import annotations
 
@@ -8,32 +8,20 @@ from operator import le
 
 from irsbot_kinematics.mechanism import Coordinate
 from irsbot_msgs_py.records import Cause, Finding, Floats, Level
-from irsbot_supervisor.core.assess import SOLVED, Assessment, Margins
+from irsbot_supervisor.core.assessment import SOLVED, Assessment
 from irsbot_supervisor.core.estimation.estimate import Estimate
 from irsbot_supervisor.core.estimation.sample_interval import SETTLING
+from irsbot_supervisor.core.margins import ANY_MARGIN, MARGIN_CAUSES, MARGIN_KINDS, MARGIN_TEXTS, Margins
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.core.stopping import limits_of, release_of
 
-KINDS = (Cause.TYPE1, Cause.TYPE2, Cause.CONSTRAINT, Cause.LIMB)
-"""The margins in the order of `assess.Margins`."""
-
-ANY_MARGIN = int(Cause.TYPE1 | Cause.TYPE2 | Cause.CONSTRAINT | Cause.LIMB)
-"""All margins as a plain number: arithmetic on flags costs a microsecond each."""
-
 OBSERVABLE = 0.1
-"""1: leg forces are read from motor efforts only where the Type 1 margin is above this. Dividing by a smaller one
-multiplies friction and current errors more than ten times."""
-
-WORDS = {
-    Cause.TYPE1: "Type 1 margin",
-    Cause.TYPE2: "Type 2 margin",
-    Cause.CONSTRAINT: "constraint margin",
-    Cause.LIMB: "limb margin",
-}
+"""1: leg forces are computed from motor efforts only if the Type 1 margin is above this. A smaller divisor multiplies
+friction and current errors more than ten times."""
 
 
 class Policy:
-    """The limits of one robot, applied."""
+    """Applies the limits of one robot."""
 
     def __init__(self, settings: Settings, joints: tuple[Coordinate, ...]) -> None:
         self._warn = limits_of(settings, "warn")
@@ -48,54 +36,56 @@ class Policy:
         self._reaction_limit = settings.reaction_limit_n
 
     def judge(
-        self, estimate: Estimate, assessment: Assessment, floor: Margins | None, reaction: Floats, held: int
+        self, estimate: Estimate, assessment: Assessment, certified: Margins | None, reaction: Floats, held: int
     ) -> list[Finding]:
-        """Everything about one good sample that is not OK. floor: the margins until standstill, None where there is no
-        posture. held: sum of the causes that were found just before."""
-        if assessment.at.status != SOLVED or floor is None:
+        """All findings about one good sample. floor: the margins until standstill, None if there is no posture. held:
+        sum of the causes that were found just before."""
+        if assessment.at.status != SOLVED or certified is None:
             return [self._not_assembled(assessment), *self._branch(assessment)]
         findings = self._branch(assessment) if assessment.branch_fault else []
-        if not estimate.steady_s >= self._settling:  # nobody knows how far it gets unseen, but where it is
+        if not estimate.steady_s >= self._settling:  # its motion between samples is unknown, but its posture is known
             findings.append(self._unsettled(estimate.steady_s))
-            floor = assessment.margins
+            certified = assessment.margins
         warn = self._warn
-        if not (floor[0] >= warn[0] and floor[1] >= warn[1] and floor[2] >= warn[2] and floor[3] >= warn[3]):
-            findings += self._margins(assessment.margins, floor, estimate.expected_s)
+        if not (
+            certified[0] >= warn[0] and certified[1] >= warn[1] and certified[2] >= warn[2] and certified[3] >= warn[3]
+        ):
+            findings += self._margins(assessment.margins, certified, estimate.expected_s)
         elif held & ANY_MARGIN:
-            findings += self._lingering(floor, held)
+            findings += self._lingering(certified, held)
         if not all(map(le, map(abs, estimate.velocity), self._speed)):
             findings += self._speeding(estimate.velocity)
         if estimate.degraded:
             known = all(rate == rate for rate in estimate.velocity)
             findings.append(_finding(Cause.DEGRADED, Level.WARN if known else Level.UNKNOWN, estimate.degraded))
         if self._reaction_level:
-            findings += self._reactions(reaction, assessment.at.sines)
+            findings += self._reactions(reaction, assessment.at.normalised_levers)
         return findings
 
-    def _margins(self, now: Margins, floor: Margins, expected_s: float) -> list[Finding]:
+    def _margins(self, now: Margins, certified: Margins, expected_s: float) -> list[Finding]:
         findings = []
         late = (
             f", the next sample being judged up to {expected_s * 1e3:.0f} ms later" if expected_s > self._beat_s else ""
         )
-        for kind, value, least, warn, stop in zip(KINDS, now, floor, self._warn, self._stop, strict=True):
+        for kind, value, least, warn, stop in zip(MARGIN_CAUSES, now, certified, self._warn, self._stop, strict=True):
             if least >= warn:
                 continue
             level, limit = (Level.WARN, warn) if least >= stop else (Level.STOP, stop)
             if value >= limit:
                 falls = f"may fall to {least:.4f}" if least > 0.0 else "cannot be shown not to vanish"
-                text = f"{WORDS[kind]} {value:.4f} {falls} before standstill{late}, limit {limit:.4f}"
+                text = f"{MARGIN_TEXTS[kind]} {value:.4f} {falls} before standstill{late}, limit {limit:.4f}"
                 findings.append(Finding(kind | Cause.BRAKING, level, least, limit, "1", text))
             else:
-                text = f"{WORDS[kind]} {value:.4f}, limit {limit:.4f}"
+                text = f"{MARGIN_TEXTS[kind]} {value:.4f}, limit {limit:.4f}"
                 findings.append(Finding(kind, level, value, limit, "1", text))
         return findings
 
-    def _lingering(self, floor: Margins, held: int) -> list[Finding]:
-        """A warning ends a little above the limit where it began."""
+    def _lingering(self, certified: Margins, held: int) -> list[Finding]:
+        """True while a warning lasts: it ends a little above the limit at which it began."""
         findings = []
-        for kind, least, release in zip(KINDS, floor, self._release, strict=True):
+        for kind, least, release in zip(MARGIN_CAUSES, certified, self._release, strict=True):
             if held & kind and not least >= release:
-                text = f"{WORDS[kind]} {least:.4f}, warning until {release:.4f}"
+                text = f"{MARGIN_TEXTS[kind]} {least:.4f}, warning until {release:.4f}"
                 findings.append(Finding(kind, Level.WARN, least, release, "1", text))
         return findings
 
@@ -107,32 +97,33 @@ class Policy:
                 findings.append(Finding(Cause.SPEED, Level.WARN, abs(rate), limit, unit, text))
         return findings
 
-    def _reactions(self, reaction: Floats, sines: Floats) -> list[Finding]:
-        """Forces that are not observable, near Type 1, are the business of the Type 1 margin; others must be known."""
+    def _reactions(self, reaction: Floats, normalised_levers: Floats) -> list[Finding]:
+        """Findings about leg forces. Near Type 1 forces are not observable, and the Type 1 margin applies; elsewhere
+        they must be known."""
         findings = []
         level, limit = self._reaction_level, self._reaction_limit
-        for leg, (force, sine) in enumerate(zip(reaction, sines, strict=True), 1):
+        for leg, (force, sine) in enumerate(zip(reaction, normalised_levers, strict=True), 1):
             if abs(force) <= limit or abs(sine) < OBSERVABLE:
                 continue
-            said = f"carries {force:.1f} N" if force == force else "has no measured force"
-            text = f"leg {leg} {said}, limit {limit:.1f} N"
+            stated = f"carries {force:.1f} N" if force == force else "has no measured force"
+            text = f"leg {leg} {stated}, limit {limit:.1f} N"
             findings.append(Finding(Cause.REACTION, level, abs(force), limit, "N", text))
         return findings
 
     def _unsettled(self, steady_s: float) -> Finding:
-        """Soon after a silence nobody knows how often samples come, so nobody knows how far the robot gets unseen."""
-        need = f"{self._settling * 1e3:.0f} ms are needed to tell how often they come"
+        """Finding soon after a silence: the sample interval, and so the motion between samples, is not known yet."""
+        need = f"{self._settling * 1e3:.0f} ms are needed to learn their interval"
         text = f"after a silence samples have come for {steady_s * 1e3:.0f} ms, {need}"
         return Finding(Cause.STALE, Level.UNKNOWN, steady_s, self._settling, "s", text)
 
-    def rare(self, estimate: Estimate, floor: Margins) -> Finding:
-        """Samples have come so late that the robot could not be stopped in time, though it could if they came as they
-        are sent: nothing is wrong with where it is. floor: the margins until standstill."""
-        lack = [least - stop for least, stop in zip(floor, self._stop, strict=True)]
+    def rare(self, estimate: Estimate, certified: Margins) -> Finding:
+        """Finding for samples that have come so late that the robot could not be stopped in time, although it could if
+        they came as they are sent. The posture itself is safe. floor: the margins until standstill."""
+        lack = [least - stop for least, stop in zip(certified, self._stop, strict=True)]
         k = lack.index(min(lack))
         late = f"samples come late, by now the next may be judged {estimate.expected_s * 1e3:.0f} ms after this one"
-        text = f"{late}: {WORDS[KINDS[k]]} cannot be shown to stay above {self._stop[k]:.4f} before standstill"
-        return Finding(Cause.STALE, Level.UNKNOWN, floor[k], self._stop[k], "1", text)
+        text = f"{late}: {MARGIN_KINDS[k].text} cannot be shown to stay above {self._stop[k]:.4f} before standstill"
+        return Finding(Cause.STALE, Level.UNKNOWN, certified[k], self._stop[k], "1", text)
 
     @staticmethod
     def _branch(assessment: Assessment) -> list[Finding]:

@@ -1,45 +1,42 @@
-"""Limits of joint positions: the robot is stopped before a joint leaves its range, whatever its drive does."""
+"""Limits of joint positions: stops the robot before a joint leaves its range, whatever its drive does."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from operator import add
 
 from irsbot_kinematics.mechanism import Coordinate
 from irsbot_msgs_py.records import Cause, Finding, Floats, Level
 from irsbot_supervisor.core.estimation.estimate import Estimate, Speeds
 from irsbot_supervisor.core.estimation.sample_interval import SETTLING
-from irsbot_supervisor.core.reach import Reach
+from irsbot_supervisor.core.reachable_box import ReachableBox
 from irsbot_supervisor.core.settings import UNLIMITED, Settings
 
 SHARES = (0.0, *[0.5**k for k in range(7, -1, -1)])
-"""1: of a commanded rate that leads out of a range, what is tried."""
+"""1: shares of a commanded rate that are tried if the whole rate leads out of a range."""
 
 Followed = Callable[[Floats], tuple[Speeds, tuple[Floats, Floats]]]
-"""How fast the joints are when they have followed rates, and where they have got by then at least and at most."""
+"""Speeds of the joints after they have followed rates, and their least and largest displacement until then."""
 
 
 class PositionLimits:
-    """The ranges of one robot, applied. The tests are written for what is accepted, so that NaN is refused."""
+    """Applies the ranges of one robot. Tests are written for accepted values, so that NaN is refused."""
 
     def __init__(self, settings: Settings, joints: tuple[Coordinate, ...]) -> None:
         self.lower, self.upper = settings.position_lower, settings.position_upper
         self.given = any(abs(limit) < UNLIMITED for limit in (*self.lower, *self.upper))
         self._names, self._units = settings.joint_names, [joint.unit for joint in joints]
-        self._reach, self._latency_s = Reach(settings), settings.latency_s
+        self._box, self._latency_s = ReachableBox(settings), settings.latency_s
         self._settling = SETTLING * settings.stale_s
 
     def judge(self, estimate: Estimate, first: bool = False) -> list[Finding]:
-        """Joints that are out of their range, or that cannot be stopped in it. first: of a first sample, and after a
-        silence, only where the joints are counts: nobody knows how fast they are, and the level is UNKNOWN for that."""
+        """Findings for joints that are out of their range, or cannot be stopped within it. first: for a first sample,
+        and after a silence, only the positions count: the speeds are unknown, and the level is UNKNOWN for that
+        reason."""
         if not self.given:
             return []
-        errors = self._reach.errors
-        forward, backward = errors, errors
-        if not first and estimate.steady_s >= self._settling:
-            forward, backward = self._until_rest(estimate.speeds, estimate.ahead_s)
         findings = []
-        for joint, (q, up, down) in enumerate(zip(estimate.position, forward, backward, strict=True)):
+        for joint, (q, up, down) in enumerate(self._reached(estimate, first)):
             low, high = self.lower[joint], self.upper[joint]
             if low <= q - down and q + up <= high:
                 continue
@@ -52,16 +49,29 @@ class PositionLimits:
             findings.append(Finding(cause, Level.STOP, value if inside else q, limit, unit, text))
         return findings
 
-    def kept(self, position: Floats, rates: Floats, followed: Followed, ahead_s: float) -> Floats:
-        """Commanded rates (rad/s or m/s), those that lead out of a range made smaller. Joints that are out may return.
-        ahead_s: for how long the robot goes on unseen."""
+    def into_range(self, estimate: Estimate, first: bool = False) -> Floats:
+        """Per joint the sign of the motion back from the limit that `judge` finds; 0 if it finds none, or both."""
+        reached = zip(self._reached(estimate, first), self.lower, self.upper, strict=True)
+        return tuple([float(not low <= q - down) - float(not q + up <= high) for (q, up, down), low, high in reached])
+
+    def _reached(self, estimate: Estimate, first: bool) -> Iterator[tuple[float, float, float]]:
+        """Position of each joint, and its largest displacement forward and backward until it stands, rad or m."""
+        errors = self._box.errors
+        forward, backward = errors, errors
+        if not first and estimate.steady_s >= self._settling:
+            forward, backward = self._until_rest(estimate.speeds, estimate.prediction_delay_s)
+        return zip(estimate.position, forward, backward, strict=True)
+
+    def kept(self, position: Floats, rates: Floats, followed: Followed, prediction_delay_s: float) -> Floats:
+        """Commanded rates (rad/s or m/s), reduced where they lead out of a range. Joints outside their range may
+        return. prediction_delay_s: time that the robot moves without supervision."""
         if not self.given:
             return rates
         kept = [0.0] * len(rates)
         for share in SHARES:
             tried = tuple([share * rate for rate in rates])
             speeds, (low, high) = followed(tried)
-            forward, backward = self._until_rest(speeds, ahead_s)
+            forward, backward = self._until_rest(speeds, prediction_delay_s)
             for joint, (rate, q) in enumerate(zip(tried, position, strict=True)):
                 outwards = q + high[joint] + forward[joint] <= self.upper[joint] if rate > 0.0 else True
                 inwards = self.lower[joint] <= q + low[joint] - backward[joint] if rate < 0.0 else True
@@ -69,8 +79,8 @@ class PositionLimits:
                     kept[joint] = rate
         return tuple(kept)
 
-    def _until_rest(self, speeds: Speeds, ahead_s: float) -> tuple[Floats, Floats]:
+    def _until_rest(self, speeds: Speeds, prediction_delay_s: float) -> tuple[Floats, Floats]:
         """rad or m forward and backward until the joints stand, errors of encoders and stamps included."""
-        forward, backward = self._reach.until_rest(speeds, ahead_s + self._latency_s)
-        errors = self._reach.errors
+        forward, backward = self._box.until_rest(speeds, prediction_delay_s + self._latency_s)
+        errors = self._box.errors
         return tuple(map(add, forward, errors)), tuple(map(add, backward, errors))

@@ -1,22 +1,31 @@
-"""From the stages' results to the record that is published: the one bridge from mathematics to SingularityState."""
+"""From the results of the stages to the published record SingularityState."""
 
 from __future__ import annotations
 
 from math import acos, inf, nan
 from operator import mul, neg, sub
+from typing import NamedTuple
 
 from irsbot_kinematics import Mechanism, statics
-from irsbot_kinematics.arithmetic import FLOATS
+from irsbot_kinematics.numerics.arithmetic import FLOATS
 from irsbot_msgs_py.records import Floats, JointSample, Level, SingularityState, unknown_state
-from irsbot_supervisor.core.assess import Assessment, Margins
+from irsbot_msgs_py.stamps import NS_PER_S
+from irsbot_supervisor.core.assessment import Assessment
 from irsbot_supervisor.core.estimation.estimate import Estimate
-from irsbot_supervisor.core.intake import S
-from irsbot_supervisor.core.policy import KINDS, OBSERVABLE
-from irsbot_supervisor.core.reach import position_error
+from irsbot_supervisor.core.margins import MARGIN_CAUSES, Margins
+from irsbot_supervisor.core.policy import OBSERVABLE
+from irsbot_supervisor.core.reachable_box import position_error
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.core.stopping import limits_of
 
 _NOTHING = (nan, nan, nan, nan)
+
+
+class Moment(NamedTuple):
+    """The margins of a sample."""
+
+    stamp_ns: int
+    margins: Margins
 
 
 class Reporter:
@@ -33,18 +42,16 @@ class Reporter:
         n, m = len(mechanism.joints), len(mechanism.task)
         self._no_joints, self._no_pose = (nan,) * n, (nan,) * m
         self._sizes = m, mechanism.limb_count
-        self._last_margins: Margins | None = None
-        self._last_stamp_ns = 0
 
     def reaction(self, estimate: Estimate, assessment: Assessment) -> Floats:
         """Leg forces, N, from measured efforts: R = -tau / B, NaN near Type 1 or without efforts (sheet section 10)."""
         if not estimate.effort:
             return self._no_joints
         at = assessment.at
-        return tuple(map(_leg_force, estimate.effort, at.levers, at.sines))
+        return tuple(map(_leg_force, estimate.effort, at.levers, at.normalised_levers))
 
     def rejected(self, sample: JointSample, sequence: int, cause: int) -> SingularityState:
-        """The state of a sample that says nothing: UNKNOWN, all numbers NaN."""
+        """The state of a rejected sample: UNKNOWN, all numbers NaN."""
         times = sample.stamp_ns, sample.received_ns, sample.seen_ns
         return unknown_state(times, self._robot, sequence, cause, (self._no_joints,) * 2, self._sizes)
 
@@ -58,64 +65,64 @@ class Reporter:
         self,
         estimate: Estimate,
         assessment: Assessment,
-        floor: Margins | None,
+        certified: Margins | None,
         reaction: Floats,
         sequence: int,
         level: Level,
         causes: int,
+        before: Moment | None,
     ) -> SingularityState:
-        """The state of a solved posture."""
+        """The state of a solved posture. before: the margins of the solved posture before it."""
         at, now = assessment.at, assessment.margins
-        floor, stop = floor or _NOTHING, self._stop
-        spares = tuple(map(sub, floor, stop))
+        certified, stop = certified or _NOTHING, self._stop
+        spares = tuple(map(sub, certified, stop))
         spare = min(spares)
         kind = spares.index(spare)  # the margin that governs; the first if nothing is known
-        rate = self._shrinking(estimate.stamp_ns, now, kind)
-        error = self._mechanism.guarantee(at, self._errors, self._slack_m)
+        rate = _shrinking(before, estimate.stamp_ns, now, kind)
+        error = self._mechanism.certified_bounds(at, self._errors, self._slack_m)
         stamp_ns, received_ns, seen_ns, _, velocity, *_ = estimate
         drive = tuple(map(neg, map(mul, at.levers, velocity)))
-        type1 = tuple(map(abs, at.sines))
+        type1 = tuple(map(abs, at.normalised_levers))
         return SingularityState(
-            stamp_ns,
-            self._robot,
-            sequence,
-            received_ns,
-            seen_ns,
-            level,
-            causes,
-            at.joints,
-            velocity,
-            at.pose,
-            statics.twist(at.screws, drive) if at.det else self._no_pose,
-            at.working_mode,
-            at.assembly_mode,
-            type1,
-            now[1],
-            at.constraint,
-            at.limb,
-            tuple(map(sub, type1, error.type1)),
-            now[1] - error.type2,
-            at.constraint - error.constraint,
-            self._mechanism.clearance(at),
-            tuple(map(acos, at.cos_pressure)),
-            reaction,
-            statics.reaction_max(FLOATS, at.screws, self._force, self._moment, turns=bool(at.arms)),
-            floor[kind],
-            KINDS[kind],
-            stop[kind],
-            _time_to_stop(spare, rate),
-            rate > 0.0,
-            at.residual,
-            (received_ns - stamp_ns) / S,
+            stamp_ns=stamp_ns,
+            robot=self._robot,
+            sequence=sequence,
+            received_ns=received_ns,
+            seen_ns=seen_ns,
+            level=level,
+            causes=causes,
+            joint_position=at.joints,
+            joint_velocity=velocity,
+            pose=at.pose,
+            pose_rate=statics.twist(at.screws, drive) if at.det else self._no_pose,
+            working_mode=at.working_mode,
+            assembly_mode=at.assembly_mode,
+            type1_margin=type1,
+            type2_margin=now[1],
+            constraint_margin=at.constraint,
+            limb_margin=at.limb,
+            type1_uncertainty=tuple(map(sub, type1, error.type1)),
+            type2_uncertainty=now[1] - error.type2,
+            constraint_uncertainty=at.constraint - error.constraint,
+            clearance=self._mechanism.clearance(at),
+            pressure_angle=tuple(map(acos, at.cos_pressure)),
+            reaction=reaction,
+            reaction_max=statics.reaction_max(FLOATS, at.screws, self._force, self._moment, turns=bool(at.attachments)),
+            stop_margin=certified[kind],
+            stop_cause=MARGIN_CAUSES[kind],
+            stop_limit=stop[kind],
+            time_to_stop=_time_to_stop(spare, rate),
+            approaching=rate > 0.0,
+            closure_residual=at.residual,
+            sample_age=(received_ns - stamp_ns) / NS_PER_S,
         )
 
-    def _shrinking(self, stamp_ns: int, now: Margins, kind: int) -> float:
-        """How fast the governing margin shrinks, 1/s, between this sample and the one before."""
-        last, last_ns = self._last_margins, self._last_stamp_ns
-        self._last_margins, self._last_stamp_ns = now, stamp_ns
-        if last is None or not stamp_ns > last_ns:
-            return 0.0
-        return (last[kind] - now[kind]) * S / (stamp_ns - last_ns)
+
+def _shrinking(then: Moment | None, stamp_ns: int, now: Margins, kind: int) -> float:
+    """Rate at which a margin decreases between two samples, 1/s."""
+    if then is None or not stamp_ns > then.stamp_ns:
+        return 0.0
+    return (then.margins[kind] - now[kind]) * NS_PER_S / (stamp_ns - then.stamp_ns)
 
 
 def _leg_force(effort: float, lever: float, sine: float) -> float:
@@ -123,7 +130,7 @@ def _leg_force(effort: float, lever: float, sine: float) -> float:
 
 
 def _time_to_stop(spare: float, rate: float) -> float:
-    """s until braking has to begin if the governing margin goes on shrinking at this rate: first order."""
+    """s until braking has to begin if the governing margin keeps decreasing at this rate: first order."""
     if not spare > 0.0:
         return 0.0 if spare == spare else nan
     return spare / rate if rate > 0.0 else inf

@@ -10,26 +10,27 @@ from sys import float_info
 from typing import Any
 
 from irsbot_kinematics import Robot
+from irsbot_supervisor.core.margins import MARGIN_NAMES
 
 LEAST_LIMIT = 1e-3
-"""1: a limit of 0 would accept a margin of 0, which is singular, and means nothing could be proved where it is a bound.
-"""
+"""1: least value of a limit. A limit of 0 would accept a margin of 0, which is singular; as a bound, 0 means that
+nothing is proved."""
 
 
 OVERSPEED = 1.25
-"""1: a joint that moves this much faster than its limit between two samples has not moved: the reading is wrong."""
+"""1: if a joint seems this much faster than its limit between two samples, the reading is wrong."""
 
 
 UNTRUSTED = 1e4
-"""rad/s or m/s: reported velocities that may be off by so much say nothing."""
+"""rad/s or m/s: a tolerance this large means that reported velocities are not used."""
 
 
 UNLIMITED = 1e6
-"""rad or m: no joint gets so far."""
+"""rad or m: a limit this large means no limit."""
 
 
 class InvalidSettings(ValueError):
-    """Settings that cannot be used; the message names every fault with the values."""
+    """Settings that cannot be used; the message names every fault with its values."""
 
 
 def _number(default: float, unit: str, text: str, low: float, high: float) -> Any:
@@ -42,7 +43,7 @@ def _each_joint(unit: str, text: str, low: float, high: float, *, optional: bool
 
 
 def _word(default: str, text: str, words: tuple[str, ...] = (), on: str = "") -> Any:
-    """on: of a switch that stays as it is while the robot runs, the word for `on`, which YAML reads as a boolean."""
+    """on: the word for `on`, which YAML reads as a boolean."""
     metadata = {"unit": "", "text": text, "words": words, "on": on, "read_only": bool(on) or not words}
     return field(default=default, metadata=metadata)
 
@@ -51,7 +52,7 @@ def _word(default: str, text: str, words: tuple[str, ...] = (), on: str = "") ->
 class Settings:
     """Limits and timing of one supervised robot. Field metadata: unit, text, low, high, read_only, each_joint.
 
-    Margins are numbers without unit in 0..1: `*_stop` is where the robot must never get, `*_warn` where it is told.
+    Margins are numbers without unit in 0..1. No margin may reach `*_stop`; the supervisor warns below `*_warn`.
     """
 
     robot: str = _word("irsbot2", "preset name or YAML file of the robot")
@@ -62,65 +63,73 @@ class Settings:
         default=(), metadata={"unit": "", "text": "sign per leg; empty: the usual mode", "read_only": True}
     )
     assembly_mode: int = field(default=0, metadata={"unit": "", "text": "label; 0: the usual mode", "read_only": True})
-    type1_warn: float = _number(0.25, "1", "warn when a leg is this near straight or folded", LEAST_LIMIT, 1.0)
-    type1_stop: float = _number(0.15, "1", "stop before a leg is this near straight or folded", LEAST_LIMIT, 1.0)
-    type2_warn: float = _number(0.25, "1", "warn when cos of a pressure angle is this small", LEAST_LIMIT, 1.0)
-    type2_stop: float = _number(0.15, "1", "stop before cos of a pressure angle is this small", LEAST_LIMIT, 1.0)
-    constraint_warn: float = _number(0.05, "1", "warn when the constraint margin is this small", LEAST_LIMIT, 1.0)
-    constraint_stop: float = _number(0.03, "1", "stop before the constraint margin is this small", LEAST_LIMIT, 1.0)
-    limb_warn: float = _number(0.25, "1", "warn when a limb margin is this small", LEAST_LIMIT, 1.0)
-    limb_stop: float = _number(0.15, "1", "stop before a limb margin is this small", LEAST_LIMIT, 1.0)
+    type1_warn: float = _number(
+        0.25, "1", "warn below this Type 1 margin (a leg near straight or folded)", LEAST_LIMIT, 1.0
+    )
+    type1_stop: float = _number(0.15, "1", "stop before a Type 1 margin falls to this", LEAST_LIMIT, 1.0)
+    type2_warn: float = _number(0.25, "1", "warn below this Type 2 margin (cos of a pressure angle)", LEAST_LIMIT, 1.0)
+    type2_stop: float = _number(0.15, "1", "stop before the Type 2 margin falls to this", LEAST_LIMIT, 1.0)
+    constraint_warn: float = _number(0.05, "1", "warn below this constraint margin", LEAST_LIMIT, 1.0)
+    constraint_stop: float = _number(0.03, "1", "stop before the constraint margin falls to this", LEAST_LIMIT, 1.0)
+    limb_warn: float = _number(0.25, "1", "warn below this limb margin", LEAST_LIMIT, 1.0)
+    limb_stop: float = _number(0.15, "1", "stop before a limb margin falls to this", LEAST_LIMIT, 1.0)
     hysteresis: float = _number(0.05, "1", "a warning ends when the margin is this share above its limit", 0.0, 1.0)
     dwell_s: float = _number(0.05, "s", "a level falls only after it has been lower for this long", 0.0, 10.0)
-    velocity_limit: tuple[float, ...] = _each_joint("rad/s or m/s", "fastest motion of each joint", 1e-6, 1e4)
+    velocity_limit: tuple[float, ...] = _each_joint("rad/s or m/s", "largest speed of each joint", 1e-6, 1e4)
     acceleration_limit: tuple[float, ...] = _each_joint(
-        "rad/s2 or m/s2", "fastest speeding up of each joint; empty: as deceleration_limit", 1e-6, 1e6, optional=True
+        "rad/s2 or m/s2", "largest acceleration of each joint; empty: as deceleration_limit", 1e-6, 1e6, optional=True
     )
-    deceleration_limit: tuple[float, ...] = _each_joint("rad/s2 or m/s2", "least braking of each joint", 1e-6, 1e6)
+    deceleration_limit: tuple[float, ...] = _each_joint(
+        "rad/s2 or m/s2", "least deceleration of each joint when braking", 1e-6, 1e6
+    )
     position_lower: tuple[float, ...] = _each_joint(
-        "rad or m", "lowest position of each joint; -1e6: not limited", -UNLIMITED, UNLIMITED, optional=True
+        "rad or m", "lowest position of each joint; -1e6: no limit", -UNLIMITED, UNLIMITED, optional=True
     )
     position_upper: tuple[float, ...] = _each_joint(
-        "rad or m", "highest position of each joint; 1e6: not limited", -UNLIMITED, UNLIMITED, optional=True
+        "rad or m", "highest position of each joint; 1e6: no limit", -UNLIMITED, UNLIMITED, optional=True
     )
     velocity_tolerance: tuple[float, ...] = _each_joint(
-        "rad/s or m/s", "largest error of reported velocities; 10000: not trusted", 0.0, UNTRUSTED, optional=True
+        "rad/s or m/s", "largest error of reported velocities; 10000: not used", 0.0, UNTRUSTED, optional=True
     )
-    latency_s: float = _number(0.01, "s", "from the arrival of a sample to the first braking of the joints", 0.0, 1.0)
-    stamp_jitter_s: float = _number(5e-5, "s", "largest error of a stamp against when positions were read", 0.0, 0.1)
+    latency_s: float = _number(0.01, "s", "longest time from the arrival of a sample to the first braking", 0.0, 1.0)
+    stamp_jitter_s: float = _number(5e-5, "s", "largest error of a stamp: stamp minus time of reading", 0.0, 0.1)
     recovery_share: float = _number(0.05, "1", "share of the velocity limits for motion away from a stop", 1e-3, 0.5)
-    command_timeout_s: float = _number(0.1, "s", "a velocity command through the gate counts for so long", 1e-3, 1.0)
-    stale_s: float = _number(0.05, "s", "a good sample older than this is no knowledge", 0.001, 10.0)
-    sample_gap_s: float = _number(0.0, "s", "the next sample may always come so late; 0: as learned", 0.0, 10.0)
-    heartbeat_s: float = _number(0.01, "s", "longest silence between verdicts", 0.001, 0.02)
+    command_timeout_s: float = _number(
+        0.1, "s", "time for which a velocity command through the gate is valid", 1e-3, 1.0
+    )
+    stale_s: float = _number(0.05, "s", "longest time without a good sample; then UNKNOWN", 0.001, 10.0)
+    sample_gap_s: float = _number(
+        0.0, "s", "interval between samples that is always expected; 0: as learned", 0.0, 10.0
+    )
+    heartbeat_s: float = _number(0.01, "s", "longest time between two verdicts", 0.001, 0.02)
     age_limit_s: float = _number(0.05, "s", "oldest acceptable stamp on arrival", 0.001, 10.0)
     future_limit_s: float = _number(0.02, "s", "how far ahead of our clock a stamp may be", 0.0, 10.0)
-    standstill_speed: float = _number(0.02, "rad/s or m/s", "slower than this is standing still", 0.0, 10.0)
+    standstill_speed: float = _number(0.02, "rad/s or m/s", "a joint below this speed stands", 0.0, 10.0)
     encoder_resolution: float = _number(
         1e-5, "rad or m", "smallest step, and largest noise, of a joint position", 0.0, 0.1
     )
     encoder_offset: float = _number(0.0, "rad or m", "largest error of a joint's zero", 0.0, 0.1)
     geometry_tolerance_m: float = _number(0.0, "m", "largest error of a leg's length and place", 0.0, 0.1)
-    load_force_n: float = _number(10.0, "N", "force on the platform, besides the payload", 0.0, 1e6)
-    payload_kg: float = _number(0.0, "kg", "platform and payload, whose weight adds to the load", 0.0, 1e4)
-    gravity_m_s2: float = _number(9.80665, "m/s2", "what the payload weighs by", 0.0, 100.0)
+    load_force_n: float = _number(10.0, "N", "largest force on the platform, in addition to the payload", 0.0, 1e6)
+    payload_kg: float = _number(0.0, "kg", "mass of platform and payload; its weight adds to the load", 0.0, 1e4)
+    gravity_m_s2: float = _number(9.80665, "m/s2", "gravity acting on the payload", 0.0, 100.0)
     load_moment_nm: float = _number(0.0, "N m", "moment on the platform", 0.0, 1e6)
     platform_acceleration_m_s2: float = _number(
         0.0, "m/s2", "largest acceleration of the platform, braking included", 0.0, 1e4
     )
     compliance: str = _word(
-        "none", "whether what the load bends counts as an error of the geometry", ("none", "counted"), on="counted"
+        "none", "whether bending under load counts as an error of the geometry", ("none", "counted"), on="counted"
     )
     tubes: str = _word("none", "elastic design of the robot, preset or YAML file; none: not known")
     compliance_slack_m: float = _number(
         0.0, "m", "error of a leg's length and place by bending; 0: from the tubes", 0.0, 0.1
     )
-    reaction_check: str = _word("none", "what an excessive leg force leads to", ("none", "warn", "stop"))
+    reaction_check: str = _word("none", "reaction to a leg force above its limit", ("none", "warn", "stop"))
     reaction_limit_n: float = _number(1000.0, "N", "largest admissible leg force", 0.0, 1e9)
 
     @property
     def slack_m(self) -> float:
-        """m: error of a leg's length and place for certain bounds, `slack_m` of `Mechanism.guarantee`."""
+        """m: error of lengths and places of a leg, for certified bounds: `slack_m` of `Mechanism.certified_bounds`."""
         return self.geometry_tolerance_m + (self.compliance_slack_m if self.compliance == "counted" else 0.0)
 
     @property
@@ -131,9 +140,9 @@ class Settings:
 
 def completed(values: Mapping[str, Any], robot: Robot) -> Settings:
     """Settings from a mapping (YAML, parameters, journal), completed for a robot and checked one by one. `feasible`
-    checks besides whether the robot could be stopped in time.
+    also checks whether the robot can be stopped in time.
 
-    Empty names and modes become the robot's; one limit for all joints is repeated. Raises InvalidSettings.
+    Empty names and modes become those of the robot; one limit for all joints is repeated. Raises InvalidSettings.
     """
     known = {entry.name: entry for entry in fields(Settings)}
     if unknown := sorted(set(values) - set(known), key=str):
@@ -159,12 +168,13 @@ def completed(values: Mapping[str, Any], robot: Robot) -> Settings:
 
 
 def _is_open(value: Any) -> bool:
-    """Whether a value is left to the robot or to another setting: nothing said, an empty list, or the number 0."""
+    """True if a value is left to the robot or to another setting: nothing, an empty list, or the number 0."""
     return value is None or value == () or (type(value) is int and value == 0)
 
 
 def _read(value: Any, metadata: Mapping[str, Any], n: int) -> Any:
-    """A value as the settings keep it: tuples, floats, one per joint. What is of no use is left for the check."""
+    """A value in the form of the settings: tuples, floats, one per joint. Invalid values are returned unchanged for the
+    check."""
     if metadata.get("words") and (value is False or value == "off"):
         return "none"  # as recorded bags and files of users say it; YAML reads the bare word `off` as a boolean
     if metadata.get("on") and (value is True or value == "on"):
@@ -193,10 +203,10 @@ def _single_faults(settings: Settings, n: int) -> list[str]:
             faults.append(f"{entry.name} is {value!r}, must be one of {', '.join(words)}")
         elif low is not None:
             wrong = [number for number in each if not (_is_number(number) and low <= number <= high)]
-            said = dict.fromkeys(map(repr, wrong))  # what every joint has is said once
+            stated = dict.fromkeys(map(repr, wrong))  # a fault that all joints share is reported once
             faults += [
                 f"{entry.name} is {number}, must be in {low:g}..{high:g}{'' if unit == '1' else f' {unit}'}"
-                for number in said
+                for number in stated
             ]
         else:
             kind = int if entry.name.endswith("_mode") else str
@@ -211,7 +221,7 @@ def _is_number(value: Any) -> bool:
 
 def _cross_faults(settings: Settings, robot: Robot) -> list[str]:
     faults = []
-    for kind in ("type1", "type2", "constraint", "limb"):
+    for kind in MARGIN_NAMES:
         warn, stop = getattr(settings, f"{kind}_warn"), getattr(settings, f"{kind}_stop")
         if not warn >= stop:
             faults.append(f"{kind}_warn ({warn!r}) must be at least {kind}_stop ({stop!r})")

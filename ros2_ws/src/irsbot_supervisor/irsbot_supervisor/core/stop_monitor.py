@@ -1,4 +1,4 @@
-"""Whether a stop keeps to the brakes and the latency that are configured: measured after every stop."""
+"""Measures every stop: whether the joints kept to the configured brakes and latency."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from typing import NamedTuple
 
 from irsbot_kinematics.mechanism import Coordinate
 from irsbot_msgs_py.records import Cause, Finding, Level
+from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.core.estimation.estimate import Estimate
-from irsbot_supervisor.core.intake import S
-from irsbot_supervisor.core.reach import Reach
+from irsbot_supervisor.core.reachable_box import ReachableBox
 from irsbot_supervisor.core.settings import Settings
 
 
 class MeasuredStop(NamedTuple):
-    """The way of a stop, and what the settings allow for it."""
+    """Displacement during a stop, and the displacement that the settings allow."""
 
-    joint: str  # the one that used most of what it was allowed
+    joint: str  # the joint that used most of its allowance
     unit: str
     way: float  # rad or m from the sample that stopped the robot on
     allowed: float  # rad or m
@@ -39,22 +39,23 @@ class StopMonitor:
         self.configure(settings)
 
     def configure(self, settings: Settings) -> None:
-        """New limits; a stop that has begun is measured by the old ones."""
-        self._reach, self._latency_s = Reach(settings), settings.latency_s
+        """Take in new limits; a stop in progress is measured with the old ones."""
+        self._box, self._latency_s = ReachableBox(settings), settings.latency_s
         self._names, self._rest_s = settings.joint_names, settings.stale_s
 
     def begin(self, estimate: Estimate) -> None:
-        """The verdict about this sample stops the robot. It is out before the next sample: half of what is expected."""
-        free_s = estimate.ahead_s - 0.5 * estimate.expected_s + self._latency_s
-        forward, backward = self._reach.until_rest(estimate.speeds, free_s)
-        pairs = zip(backward, forward, self._reach.errors, strict=True)
+        """Begin to measure: the verdict about this sample stops the robot. It is published before the next sample: half
+        of the expected interval."""
+        free_s = estimate.prediction_delay_s - 0.5 * estimate.expected_s + self._latency_s
+        forward, backward = self._box.until_rest(estimate.speeds, free_s)
+        pairs = zip(backward, forward, self._box.errors, strict=True)
         self._begin = estimate
         self._allowed = [(down + 2.0 * e, up + 2.0 * e) for down, up, e in pairs]
-        self._allowed_s = self._reach.stop_s(estimate.speeds, free_s)
+        self._allowed_s = self._box.stop_s(estimate.speeds, free_s)
         self._ways = [(0.0, 0.0)] * len(self._names)
 
     def look(self, estimate: Estimate) -> list[Finding]:
-        """What a later sample says of the stop: a finding for every joint that went farther than it may."""
+        """Findings of a later sample: one for every joint that moved farther than the settings allow."""
         begin = self._begin
         if begin is None:
             return []
@@ -85,6 +86,6 @@ class StopMonitor:
         j = shares.index(max(shares))
         (low, high), (back, ahead) = self._ways[j], self._allowed[j]
         way, allowed = (high, ahead) if high / ahead >= -low / back else (-low, back)
-        time_s = max((estimate.seen_ns - begin.seen_ns) / S - estimate.standing_s, 0.0)
+        time_s = max((estimate.seen_ns - begin.seen_ns) / NS_PER_S - estimate.standing_s, 0.0)
         self.last = MeasuredStop(self._names[j], self._units[j], way, allowed, time_s, self._allowed_s)
         self._begin = None

@@ -1,4 +1,4 @@
-"""What a node may do, as an SROS2 policy: made from the interfaces that it has, and nothing else is allowed."""
+"""Permissions of a node as an SROS2 policy: generated from its interfaces; all others are denied."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import NamedTuple
 from rclpy.node import Node
 
 EVERY_NODE = {"publish": ("/rosout",), "subscribe": ("/clock", "/parameter_events")}
-"""What a node of rclpy may come to use, besides what it uses now."""
+"""Interfaces that every rclpy node may use, in addition to its present ones."""
 
 WHERE_INSTALLED = {
     "supervisor": {
@@ -25,11 +25,14 @@ WHERE_INSTALLED = {
 }
 """Interfaces of packages that not every machine has: bond, tf2_msgs, control_msgs."""
 
-OPERATOR = {"request": ("/supervisor/bypass", "/supervisor/reset"), "subscribe": ("/supervisor/verdict",)}
-"""Whoever may end a stop."""
+OPERATOR = {
+    "request": ("/supervisor/bypass", "/supervisor/reset"),
+    "subscribe": ("/supervisor/gate", "/supervisor/verdict"),
+}
+"""Services of the operator, who may end a stop."""
 
-KINDS = (("topics", "publish"), ("topics", "subscribe"), ("services", "reply"), ("services", "request"))
-"""Elements of a profile and what they allow, as SROS2 has them."""
+INTERFACES = (("topics", "publish"), ("topics", "subscribe"), ("services", "reply"), ("services", "request"))
+"""Elements of a profile and what they allow, with the names of SROS2."""
 
 
 class Access(NamedTuple):
@@ -42,8 +45,8 @@ class Access(NamedTuple):
 
 
 def access_of(node: Node) -> Access:
-    """What a node that is alone on its domain uses, with the hidden nodes of its process, and may come to use where
-    more is installed."""
+    """Interfaces of a node that is alone on its domain, with the hidden nodes of its process, and those it uses if more
+    packages are installed."""
     look = {
         "publish": node.get_publisher_names_and_types_by_node,
         "subscribe": node.get_subscriber_names_and_types_by_node,
@@ -58,11 +61,12 @@ def access_of(node: Node) -> Access:
 
 
 def policy(name: str, access: Access) -> str:
-    """The policy of one enclave as XML text for `ros2 security create_permission`. What is not listed is denied."""
+    """The policy of one enclave as XML text for `ros2 security create_permission`. Names that are not listed are
+    denied."""
     root = ElementTree.Element("policy", version="0.2.0")
     enclave = ElementTree.SubElement(ElementTree.SubElement(root, "enclaves"), "enclave", path=f"/{name}")
     profile = ElementTree.SubElement(ElementTree.SubElement(enclave, "profiles"), "profile", ns="/", node=name)
-    for element, allowed in KINDS:
+    for element, allowed in INTERFACES:
         _list(profile, element, allowed, getattr(access, allowed))
     ElementTree.indent(root)
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{ElementTree.tostring(root, encoding="unicode")}\n'

@@ -1,5 +1,5 @@
-"""Parameter values as the `ros2` tools send them: they guess the type from the text, and write 0.00001 as 1e-05, which
-YAML takes for a word. What can only mean the declared type is read as that."""
+"""Converts parameter values of the `ros2` tools: they guess the type from the text, and write 0.00001 as 1e-05, which
+YAML reads as a string. A value that can only have the declared type is converted to it."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from rclpy.parameter import Parameter
 
 
 def read_as_declared(node: Node) -> None:
-    """From now on, before every check of parameters that are set. To be called when all are declared."""
+    """Convert from now on, before every check of parameters that are set. Call it when all parameters are declared."""
     node.add_pre_set_parameters_callback(lambda parameters: as_declared(node, parameters))
 
 
 def as_declared(node: Node, parameters: list[Parameter]) -> list[Parameter]:
-    """The same parameters with the types that the node has declared, where they can mean them."""
+    """The same parameters with the declared types, where the values allow it."""
     return [_as(node.get_parameter(p.name).type_, p) if node.has_parameter(p.name) else p for p in parameters]
 
 
 def _as(declared: Any, given: Parameter) -> Parameter:
-    """The same parameter where it is of the declared type, or cannot be read as that."""
+    """The parameter with the declared type, or unchanged if it cannot be converted."""
     value: Any = given.value
     match declared:
         case given.type_:

@@ -1,8 +1,9 @@
-"""bond: a life sign for lifecycle managers that hold a bond with each of their nodes, as nav2_lifecycle_manager does.
+"""bond: a sign of life for lifecycle managers that keep a bond with each of their nodes, such as
+nav2_lifecycle_manager.
 
-The contract is that of bond_core: both ends publish bond/Status on the topic `bond` under one id, the name of the node,
-each with an instance id of its own. An end that falls silent for `heartbeat_timeout`, or says that it is not active,
-has broken the bond. The manager decides what follows; the supervisor does not need one to go on.
+The contract is that of bond_core: both ends publish bond/Status on the topic `bond` with one id, the name of the node,
+and each with its own instance id. An end that is silent for `heartbeat_timeout`, or publishes that it is not active,
+has broken the bond. The manager decides what follows; the supervisor works without one.
 """
 
 from __future__ import annotations
@@ -17,14 +18,14 @@ from irsbot_supervisor.nodes.endpoints import publisher
 from irsbot_supervisor.nodes.guard import Fail, guarded
 
 PERIOD_S = 0.1
-"""s between life signs, as nodes of nav2 send them."""
+"""s between signs of life, as in nodes of nav2."""
 
 TIMEOUT_S = 4.0
 """s of silence after which the bond is broken: the default of bond_core."""
 
 
 class Bond:
-    """Our end; nothing where bond is not installed."""
+    """The supervisor's end of the bond; it does nothing if bond is not installed."""
 
     def __init__(self, node: LifecycleNode, fail: Fail) -> None:
         self._node, self._status = node, status_type()
@@ -37,11 +38,11 @@ class Bond:
         node.create_timer(PERIOD_S, guarded(self._beat, fail), clock=steady)
 
     def form(self) -> None:
-        """With an activation; each has an instance id of its own, because a manager forgets none that broke."""
+        """Begin a bond with an activation, with a new instance id, because a manager remembers a broken one."""
         self._formed, self._instance = True, str(uuid4())
 
     def end(self) -> None:
-        """With every end of an activation."""
+        """End the bond with an activation."""
         if self._formed and self._status is not None:
             self._say(active=False)
         self._formed = False

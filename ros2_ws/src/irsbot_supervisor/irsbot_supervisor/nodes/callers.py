@@ -1,7 +1,7 @@
-"""Who has called what: counts for /diagnostics, and for the log as much of a caller's identity as rclpy gives.
+"""Counts calls of services for /diagnostics, and logs as much of a caller's identity as rclpy gives.
 
 rclpy does not say which client has sent a request. The graph says which nodes have a client of a service: the caller is
-one of them, unless it was gone before anybody looked.
+one of them, unless it has already gone.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from collections import Counter
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 
-from irsbot_supervisor.nodes.partners import Finding
+from irsbot_supervisor.nodes.graph_monitor import GraphFault
 
 
 class Callers:
-    """Counts calls of one node by kind, and those of them that were refused."""
+    """Counts calls of one node by kind, and the refused ones."""
 
     def __init__(self, node: Node) -> None:
         self._node = node
@@ -23,27 +23,29 @@ class Callers:
         self._told = 0  # refused calls at the last report
 
     def count(self, what: str, accepted: bool) -> None:
-        """One more call. what: for instance `resets`."""
+        """Count one more call. what: its kind, for instance `resets`."""
         self.counts[what] += 1
         self.counts[f"{what} refused"] += not accepted
 
     def who(self, *services: str) -> str:
-        """The nodes that have a client of one of these services, in words."""
+        """The nodes that have a client of one of these services, as text."""
         topics = set(map(self._node.resolve_service_name, services))
         found = []
         for name, space in self._node.get_node_names_and_namespaces():
             try:
                 clients = self._node.get_client_names_and_types_by_node(name, space)
-            except RuntimeError:  # it has left meanwhile
+            except RuntimeError:  # it has left in the meantime
                 continue
             if any(topic in topics for topic, _types in clients):
                 found.append(f"{space.rstrip('/')}/{name}")
         return f"called by {' or '.join(sorted(found))}" if found else "called by a node that has left"
 
-    def report(self) -> Finding:
-        """Whether calls were refused since the last report."""
+    def report(self) -> GraphFault:
+        """True if calls were refused since the last report."""
         refused = sum(number for what, number in self.counts.items() if what.endswith("refused"))
         fresh, self._told = refused - self._told, refused
         if not fresh:
-            return Finding("calls", DiagnosticStatus.OK, "none was refused lately")
-        return Finding("calls", DiagnosticStatus.WARN, f"{fresh} calls were refused: the log says which, and of whom")
+            return GraphFault("calls", DiagnosticStatus.OK, "none was refused lately")
+        return GraphFault(
+            "calls", DiagnosticStatus.WARN, f"{fresh} calls were refused: the log lists them with their callers"
+        )

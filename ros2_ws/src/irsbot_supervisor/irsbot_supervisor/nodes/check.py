@@ -1,4 +1,4 @@
-"""The service CheckTrajectory: request, certificate, response. The certificate is a task for a worker process."""
+"""The service CheckTrajectory: request, certificate, response. A worker process computes the certificate."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from irsbot_msgs.srv import CheckTrajectory
 from irsbot_kinematics import Robot
 from irsbot_msgs_py.records import Floats
 from irsbot_msgs_py.stamps import NS_PER_S, nanoseconds
-from irsbot_supervisor.core.cartesian import certify_poses
-from irsbot_supervisor.core.certify import Certificate, certify
-from irsbot_supervisor.core.motion import BadTrajectory
-from irsbot_supervisor.core.policy import KINDS
+from irsbot_supervisor.core.margins import MARGIN_CAUSES
 from irsbot_supervisor.core.settings import Settings
-from irsbot_supervisor.worker import Task
+from irsbot_supervisor.processes.worker import Task
+from irsbot_supervisor.trajectory.joint_path import BadTrajectory
+from irsbot_supervisor.trajectory.task_space import certify_poses
+from irsbot_supervisor.trajectory.verification import Certificate, certify
 
 
 class Motion(NamedTuple):
@@ -28,30 +28,32 @@ class Motion(NamedTuple):
     is_of_platform: bool
 
 
-def asked(robot: Robot, settings: Settings, request: CheckTrajectory.Request, ahead_s: float) -> Task:
-    """What has to be computed for a request: a certificate, or a text. ahead_s: for how long the robot goes on unseen.
-    Raises BadTrajectory."""
-    return Task(certificate, (robot, settings, _motion(robot, settings, request), ahead_s))
+def asked(robot: Robot, settings: Settings, request: CheckTrajectory.Request, prediction_delay_s: float) -> Task:
+    """The task that computes a certificate, or a text, for a request. Raises BadTrajectory.
+
+    prediction_delay_s: time that the robot moves without supervision.
+    """
+    return Task(certificate, (robot, settings, _motion(robot, settings, request), prediction_delay_s))
 
 
-def certificate(robot: Robot, settings: Settings, motion: Motion, ahead_s: float) -> Certificate | str:
-    """The certificate of a motion, or why it is none."""
+def certificate(robot: Robot, settings: Settings, motion: Motion, prediction_delay_s: float) -> Certificate | str:
+    """The certificate of a motion, or the reason why there is none."""
     times, positions, velocities, mode, is_of_platform = motion
     try:
         if is_of_platform:
             return certify_poses(robot, settings, times, positions, mode)
-        return certify(robot, settings, times, positions, velocities, mode, ahead_s=ahead_s)
+        return certify(robot, settings, times, positions, velocities, mode, prediction_delay_s=prediction_delay_s)
     except BadTrajectory as error:
         return str(error)
 
 
 def answered(found: Certificate | str, response: CheckTrajectory.Response) -> CheckTrajectory.Response:
-    """Fill in the response. A trajectory that is none is not safe, and the message says why."""
+    """Fill in the response. An invalid trajectory is not safe, and the message has the reason."""
     if isinstance(found, str):
         return refused(response, found)
     response.violation_time = response.violation_value = response.violation_limit = nan
     response.safe = found.safe
-    had = [(kind, *least) for kind, least in zip(KINDS, found.minima, strict=True) if least[0] < inf]
+    had = [(kind, *least) for kind, least in zip(MARGIN_CAUSES, found.minima, strict=True) if least[0] < inf]
     response.margin_cause = [int(kind) for kind, _value, _time in had]
     response.margin_min = [value for _kind, value, _time in had]
     response.margin_min_time = [time for _kind, _value, time in had]
@@ -65,7 +67,7 @@ def answered(found: Certificate | str, response: CheckTrajectory.Response) -> Ch
 
 
 def refused(response: CheckTrajectory.Response, why: str) -> CheckTrajectory.Response:
-    """Nothing was looked at: not safe, and no number means anything."""
+    """Response without a check: not safe, and all numbers are NaN."""
     response.safe, response.message = False, why
     response.violation_time = response.violation_value = response.violation_limit = nan
     return response

@@ -1,6 +1,6 @@
-"""/diagnostics once a second: one status per check, through the standard messages.
+"""/diagnostics once a second: one status per check, in the standard messages.
 
-STOP and UNKNOWN are errors. STALE is left to who aggregates: of a supervisor that is frozen or gone nothing comes.
+STOP and UNKNOWN are errors. The aggregator sets STALE: a supervisor that is frozen or has ended publishes nothing.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from rclpy.node import Node
 from irsbot_kinematics import Coordinate
 from irsbot_msgs_py.records import Cause, Level, SingularityState, Verdict
 from irsbot_msgs_py.stamps import NS_PER_S
-from irsbot_supervisor.core.pipeline import Supervisor
+from irsbot_supervisor.core.supervisor import Supervisor
 from irsbot_supervisor.nodes.callers import Callers
 from irsbot_supervisor.nodes.endpoints import publisher
+from irsbot_supervisor.nodes.graph_monitor import GraphFault, GraphMonitor
 from irsbot_supervisor.nodes.guard import Fail, guarded
-from irsbot_supervisor.nodes.partners import Finding, Partners
 from irsbot_supervisor.nodes.samples import Samples
 
 PERIOD_S = 1.0
-"""s between diagnostic messages, the customary rate."""
+"""s between diagnostic messages, the usual rate."""
 
 CHECKS = {
     "margins": Cause.TYPE1 | Cause.TYPE2 | Cause.CONSTRAINT | Cause.LIMB | Cause.BRAKING,
@@ -34,7 +34,7 @@ CHECKS = {
     "velocities": Cause.DEGRADED,
     "supervisor": Cause.INTERNAL | Cause.LATCHED,
 }
-"""Which causes each check looks at."""
+"""Causes of each check."""
 
 _LEVELS = {
     Level.OK: DiagnosticStatus.OK,
@@ -45,20 +45,20 @@ _LEVELS = {
 
 
 class DiagnosticsPublisher:
-    """Remembers the newest state and verdict and reports them, with rates and counts; silent without a verdict."""
+    """Keeps the newest state and verdict and reports them, with rates and counts; silent without a verdict."""
 
     def __init__(
         self,
         node: Node,
         supervisor: Supervisor,
-        partners: Partners,
+        graph_monitor: GraphMonitor,
         samples: Samples,
         callers: Callers,
         fail: Fail,
     ) -> None:
         self.verdict: Verdict | None = None
         self.state: SingularityState | None = None
-        self._node, self._supervisor, self._partners, self._samples = node, supervisor, partners, samples
+        self._node, self._supervisor, self._graph_monitor, self._samples = node, supervisor, graph_monitor, samples
         self._callers = callers
         self._skipped = 0  # until the last report
         self._counted = (time.monotonic_ns(), 0, 0)  # at the last report: steady clock, samples, verdicts
@@ -84,27 +84,27 @@ class DiagnosticsPublisher:
             if check == "supervisor" and verdict.latched:
                 level = max(level, Level.STOP)
                 text = f"a stop is latched, event {verdict.event}: {verdict.text}"
-            said = _LEVELS[level]
+            stated = _LEVELS[level]
             if check == "supervisor" and verdict.bypassed:
-                said = max(said, DiagnosticStatus.WARN)
+                stated = max(stated, DiagnosticStatus.WARN)
                 text = f"{verdict.bypassed.name} is bypassed for {verdict.bypass_left:.0f} s: {verdict.text}"
-            message.status.append(self._status(Finding(check, said, text), values.get(check, {})))
+            message.status.append(self._status(GraphFault(check, stated, text), values.get(check, {})))
         robot, names = self._supervisor.robot, self._supervisor.settings.joint_names
         units = of_units(robot.mechanism.joints, names, self.state.joint_position if self.state else ())
-        for finding in (*self._partners.look(), self._rate(), self._stop(), units):
+        for finding in (*self._graph_monitor.look(), self._rate(), self._stop(), units):
             message.status.append(self._status(finding, {}))
         message.status.append(self._status(self._callers.report(), self._callers.counts))
         self._publisher.publish(message)
 
-    def _status(self, finding: Finding, values: Mapping[str, object]) -> DiagnosticStatus:
+    def _status(self, finding: GraphFault, values: Mapping[str, object]) -> DiagnosticStatus:
         status = DiagnosticStatus(level=finding.level, message=finding.text)
         status.name = f"{self._node.get_fully_qualified_name()}: {finding.name}"
         status.hardware_id = self._supervisor.settings.robot
-        status.values = [KeyValue(key=key, value=_said(value)) for key, value in values.items()]
+        status.values = [KeyValue(key=key, value=_stated(value)) for key, value in values.items()]
         return status
 
     def _values(self, verdict: Verdict) -> dict[str, dict[str, object]]:
-        """What the checks looked at, by check."""
+        """Values of the checks, by check."""
         now_ns, state = time.monotonic_ns(), self.state
         passed_s = (now_ns - self._counted[0]) / NS_PER_S
         judged = state.sequence if state else 0
@@ -142,39 +142,40 @@ class DiagnosticsPublisher:
             found["supervisor"]["time to judge [s]"] = state.compute_time
         return found
 
-    def _rate(self) -> Finding:
-        """Whether all samples could be judged since the last report."""
+    def _rate(self) -> GraphFault:
+        """Finding on samples that were skipped since the last report."""
         skipped, self._skipped = self._samples.skipped - self._skipped, self._samples.skipped
         if not skipped:
-            return Finding("joint states rate", DiagnosticStatus.OK, "every sample is judged")
+            return GraphFault("joint states rate", DiagnosticStatus.OK, "every sample is judged")
         text = f"{skipped} samples skipped for newer ones: more come than can be judged"
-        return Finding("joint states rate", DiagnosticStatus.WARN, text)
+        return GraphFault("joint states rate", DiagnosticStatus.WARN, text)
 
-    def _stop(self) -> Finding:
-        """Whether the last stop kept to the brakes and the latency that are configured."""
+    def _stop(self) -> GraphFault:
+        """Finding on the brakes and the latency of the last stop."""
         stop = self._supervisor.measured_stop
         if stop is None:
-            return Finding("stops", DiagnosticStatus.OK, "no stop has been measured")
+            return GraphFault("stops", DiagnosticStatus.OK, "no stop has been measured")
         text = f"joint '{stop.joint}' went {stop.way:.4g} {stop.unit} of {stop.allowed:.4g} allowed in the last stop, "
         text += f"{stop.time_s:.4g} s of {stop.allowed_s:.4g}"
-        return Finding("stops", DiagnosticStatus.OK if stop.way <= stop.allowed else DiagnosticStatus.WARN, text)
+        return GraphFault("stops", DiagnosticStatus.OK if stop.way <= stop.allowed else DiagnosticStatus.WARN, text)
 
 
-def of_units(joints: Sequence[Coordinate], names: Sequence[str], position: Sequence[float]) -> Finding:
-    """Angles are read modulo a turn, as encoders of many turns need it. So are degrees, unless they move."""
+def of_units(joints: Sequence[Coordinate], names: Sequence[str], position: Sequence[float]) -> GraphFault:
+    """Note on units: angles are used modulo a turn, for encoders of many turns. So positions in degrees are not
+    detected while they do not move."""
     far = [
         f"'{name}' is at {value:.4g} rad, {abs(value) / tau:.1f} turns from zero"
         for name, joint, value in zip(names, joints, position, strict=False)
         if joint.is_angle and isfinite(value) and abs(value) > tau
     ]
     if not far:
-        return Finding("joint states units", DiagnosticStatus.OK, "within one turn of zero")
+        return GraphFault("joint states units", DiagnosticStatus.OK, "within one turn of zero")
     text = f"{'; '.join(far)}: right for encoders of many turns, wrong if these are degrees"
-    return Finding("joint states units", DiagnosticStatus.WARN, text)
+    return GraphFault("joint states units", DiagnosticStatus.WARN, text)
 
 
 def _margins(state: SingularityState) -> dict[str, object]:
-    """Those that the robot has, and the path to standstill."""
+    """The margins that the robot has, and the stop margin."""
     return {
         "Type 1": min(state.type1_margin, default=None),
         "Type 2": state.type2_margin,
@@ -186,8 +187,8 @@ def _margins(state: SingularityState) -> dict[str, object]:
     }
 
 
-def _said(value: object) -> str:
-    """For people: six digits."""
+def _stated(value: object) -> str:
+    """A number for people: six digits."""
     if isinstance(value, float):
         return f"{value:.6g}"
-    return ", ".join(map(_said, value)) if isinstance(value, Sequence) and not isinstance(value, str) else str(value)
+    return ", ".join(map(_stated, value)) if isinstance(value, Sequence) and not isinstance(value, str) else str(value)

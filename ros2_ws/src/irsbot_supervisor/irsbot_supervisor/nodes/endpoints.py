@@ -1,6 +1,7 @@
-"""Publishers and subscriptions whose quality of service parameters may change: `qos_overrides.TOPIC.publisher.depth`.
+"""Publishers and subscriptions whose quality of service can be set by parameters:
+`qos_overrides.TOPIC.publisher.depth`.
 
-Not of ~/verdict and ~/safe: their deadline and liveliness are what consumers rely on.
+~/verdict and ~/safe are excluded: consumers rely on their deadline and liveliness.
 """
 
 from __future__ import annotations
@@ -16,20 +17,20 @@ from rclpy.qos import InvalidQoSProfileException, QoSProfile
 from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
 from rclpy.subscription import Subscription
 
-from irsbot_msgs_py.shell import UsageError
+from irsbot_msgs_py.process.run import UsageError
 
 DEFAULT = QoSOverridingOptions.with_default_policies()
 """History, depth and reliability."""
 
 
 def publisher(node: Node, kind: type, topic: str, qos: QoSProfile | int) -> Publisher:
-    """A publisher. Raises UsageError for an override that means nothing."""
+    """A publisher. Raises UsageError for an invalid override."""
     with _told(topic):
         return node.create_publisher(kind, topic, _own(qos), qos_overriding_options=DEFAULT)
 
 
 def quality(node: Node, kind: type, topic: str, qos: QoSProfile) -> QoSProfile:
-    """What parameters make of a profile, for publishers that come and go. Raises UsageError."""
+    """A QoS profile with the overrides of the parameters, for publishers that come and go. Raises UsageError."""
     own = copy(qos)
     with _told(topic):
         node.destroy_publisher(node.create_publisher(kind, topic, own, qos_overriding_options=DEFAULT))
@@ -46,13 +47,13 @@ def subscription(
     raw: bool = False,
     offered: QoSOverridingOptions = DEFAULT,
 ) -> Subscription:
-    """A subscription. offered: what parameters may say otherwise. Raises UsageError for what means nothing."""
+    """A subscription. offered: policies that parameters may set. Raises UsageError for an invalid override."""
     with _told(topic):
         return node.create_subscription(kind, topic, callback, _own(qos), raw=raw, qos_overriding_options=offered)
 
 
 def _own(qos: QoSProfile | int) -> QoSProfile:
-    """A profile that is written into: overrides must not reach others that share it."""
+    """A copy of a profile: overrides must not change profiles that are shared."""
     return QoSProfile(depth=qos) if isinstance(qos, int) else copy(qos)
 
 

@@ -1,8 +1,9 @@
-"""~/follow_joint_trajectory: control_msgs/FollowJointTrajectory in front of the command gate, for MoveIt and its kin.
+"""~/follow_joint_trajectory: control_msgs/FollowJointTrajectory through the command gate, for MoveIt and similar
+clients.
 
-A goal is a command like any other: certified, perhaps slowed down or ended early, passed on to `command_out`. The
-result says what became of it. Goals are looked after by the heartbeat, not by a coroutine: the EventsExecutor calls one
-that waits again and again without a pause.
+A goal is handled like any other command: certified, perhaps slowed down or ended early, published on `command_out`. The
+result has the outcome. The heartbeat supervises goals, not a coroutine: the EventsExecutor calls a waiting coroutine
+again and again without a pause.
 """
 
 from __future__ import annotations
@@ -10,44 +11,45 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from builtin_interfaces.msg import Duration
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.lifecycle import LifecycleNode
-from trajectory_msgs.msg import JointTrajectoryPoint
 
+from irsbot_msgs_py.gate_status import GateOutcome, GateReason
 from irsbot_msgs_py.records import Floats, Level
-from irsbot_msgs_py.stamps import NS_PER_S, nanoseconds, sec_nanosec
-from irsbot_supervisor.core.motion import JointPath
-from irsbot_supervisor.core.pipeline import Supervisor
-from irsbot_supervisor.nodes.gate import Answer, CommandGate
+from irsbot_msgs_py.stamps import NS_PER_S, nanoseconds
+from irsbot_supervisor.core.supervisor import Supervisor
+from irsbot_supervisor.nodes.certifier import Outcome
+from irsbot_supervisor.nodes.commands import point_msg
+from irsbot_supervisor.nodes.gate import CommandGate
+from irsbot_supervisor.trajectory.joint_path import JointPath
 
 FEEDBACK_NS = 50_000_000
-"""Between two feedbacks: 20 Hz, as JointTrajectoryController sends them by default."""
+"""ns between two feedbacks: 20 Hz, the default of JointTrajectoryController."""
 
 TOLERANCE = 0.01
-"""rad or m: how near each joint has to come, where the goal does not say it."""
+"""rad or m: goal tolerance of each joint if the goal has none."""
 
 LATE_S = 1.0
-"""s after its planned end at which a motion counts as failed, where the goal does not say it."""
+"""s after its planned end at which a motion has failed, if the goal does not say it."""
 
 
 class Motion(NamedTuple):
-    """A goal that has been let through."""
+    """A goal that has passed the gate."""
 
     path: JointPath
     begin_ns: int
-    text: str  # what was taken away
+    text: str  # what was reduced
 
 
 class FollowServer:
-    """One goal at a time; a new command, by whichever way, ends the one before."""
+    """Serves one goal at a time; a new command, on any interface, ends the one before."""
 
     def __init__(self, node: LifecycleNode, action: Any, gate: CommandGate, supervisor: Supervisor) -> None:
         """action: the type control_msgs.action.FollowJointTrajectory, which not every machine has."""
         self._node, self._action, self._gate, self._supervisor = node, action, gate, supervisor
         self._goal: Any = None
         self._number = 0  # of the goal's command at the gate
-        self._answer: Answer | None = None  # set by the gate's thread
+        self._outcome: Outcome | None = None  # set by the gate's thread
         self._motion: Motion | None = None
         self._told_ns = 0
         self._server = ActionServer(
@@ -61,38 +63,38 @@ class FollowServer:
         )
 
     def beat(self, seen_ns: int) -> None:
-        """With every heartbeat."""
+        """Supervise the goal; called with every heartbeat."""
         goal = self._goal
         if goal is None:
             return
         result = self._action.Result
         view = self._supervisor.view
         if goal.is_cancel_requested:
-            self._gate.halt("the goal was cancelled")
+            self._gate.halt(GateReason.CANCELLED)
             self._end("canceled", result.SUCCESSFUL, "cancelled: the robot is held")
         elif self._gate.commands != self._number:
             self._end("abort", result.INVALID_GOAL, "another command came")
-        elif self._answer is None:
+        elif self._outcome is None:
             return
-        elif self._answer.path is None:
-            self._end("abort", result.INVALID_GOAL, self._answer.text)
-        elif view is None or (view.judgement.level >= Level.STOP and self._answer.stops != self._gate.stops):
+        elif self._outcome.path is None:
+            self._end("abort", result.INVALID_GOAL, self._outcome.answer.text)
+        elif view is None or (view.judgement.level >= Level.STOP and self._outcome.stops != self._gate.stops):
             why = "; ".join(finding.text for finding in view.judgement.findings) if view else "the state is not known"
             self._end("abort", result.PATH_TOLERANCE_VIOLATED, f"held: {why}")
         else:
             if self._motion is None:
-                self._motion = Motion(self._answer.path, seen_ns, self._answer.text)
+                self._motion = Motion(self._outcome.path, seen_ns, self._outcome.answer.text)
             self._follow(self._motion, view.at.joints, view.velocity, seen_ns)
 
     def close(self) -> None:
-        """The gate has closed."""
+        """End the goal because the gate has closed."""
         if self._goal is not None:
             self._end("abort", self._action.Result.INVALID_GOAL, "the supervisor is not active any more")
 
     def _accept(self, goal: Any) -> None:
         if self._goal is not None:
             self._end("abort", self._action.Result.INVALID_GOAL, "another goal came")
-        self._goal, self._answer, self._motion, self._told_ns = goal, None, None, 0
+        self._goal, self._outcome, self._motion, self._told_ns = goal, None, None, 0
         if not self._gate.is_open:
             self._end("abort", self._action.Result.INVALID_GOAL, "the supervisor is not active")
             return
@@ -100,9 +102,9 @@ class FollowServer:
             self._end("abort", self._action.Result.INVALID_GOAL, "a goal needs points")
             return
 
-        def answered(answer: Answer) -> None:
+        def answered(outcome: Outcome) -> None:
             if self._goal is goal:
-                self._answer = answer
+                self._outcome = outcome
 
         self._number = self._gate.command(goal.request.trajectory, answered)
 
@@ -114,8 +116,9 @@ class FollowServer:
         if after_s < motion.path.duration_s:
             return
         wanted, result = motion.path.positions[-1], self._action.Result
+        shortened = self._outcome is not None and self._outcome.answer.outcome == GateOutcome.SHORTENED
         near = all(abs(a - b) <= most for a, b, most in zip(joints, wanted, self._tolerances(), strict=True))
-        if near and self._supervisor.standing and self._answer is not None and self._answer.shortened:
+        if near and self._supervisor.standing and shortened:
             self._end("abort", result.GOAL_TOLERANCE_VIOLATED, motion.text)
         elif near and self._supervisor.standing:
             self._end("succeed", result.SUCCESSFUL, motion.text)
@@ -127,25 +130,25 @@ class FollowServer:
         planned = motion.path.at(min(after_s, motion.path.duration_s))
         feedback = self._action.Feedback(joint_names=list(self._names()))
         feedback.header.stamp = self._node.get_clock().now().to_msg()
-        feedback.desired = _point(planned.position, planned.velocity, after_s)
-        feedback.actual = _point(joints, rates, after_s)
-        feedback.error = _point(_minus(planned.position, joints), _minus(planned.velocity, rates), after_s)
+        feedback.desired = point_msg(planned.position, planned.velocity, after_s)
+        feedback.actual = point_msg(joints, rates, after_s)
+        feedback.error = point_msg(_minus(planned.position, joints), _minus(planned.velocity, rates), after_s)
         return feedback
 
     def _names(self) -> tuple[str, ...]:
         return self._supervisor.settings.joint_names
 
     def _tolerances(self) -> list[float]:
-        """Per joint, as the goal says them; 0 means not said."""
-        said = {tolerance.name: tolerance.position for tolerance in self._goal.request.goal_tolerance}
-        return [said[name] if said.get(name, 0.0) > 0.0 else TOLERANCE for name in self._names()]
+        """Tolerance per joint, from the goal; 0 means not given."""
+        stated = {tolerance.name: tolerance.position for tolerance in self._goal.request.goal_tolerance}
+        return [stated[name] if stated.get(name, 0.0) > 0.0 else TOLERANCE for name in self._names()]
 
     def _patience_s(self) -> float:
         span = self._goal.request.goal_time_tolerance
         return nanoseconds(span.sec, span.nanosec) / NS_PER_S or LATE_S
 
     def _end(self, outcome: str, code: int, text: str) -> None:
-        """outcome: the method of the goal handle that says so."""
+        """outcome: name of the method of the goal handle that reports it."""
         goal, self._goal = self._goal, None
         self._node.get_logger().info(f"follow_joint_trajectory: {outcome}: {text or 'done'}")
 
@@ -163,13 +166,6 @@ def action_type() -> Any:
     except ImportError:
         return None
     return FollowJointTrajectory
-
-
-def _point(position: Sequence[float], velocity: Sequence[float], after_s: float) -> JointTrajectoryPoint:
-    sec, nanosec = sec_nanosec(round(after_s * NS_PER_S))
-    point = JointTrajectoryPoint(positions=list(position), velocities=list(velocity))
-    point.time_from_start = Duration(sec=sec, nanosec=nanosec)
-    return point
 
 
 def _minus(a: Sequence[float], b: Sequence[float]) -> list[float]:

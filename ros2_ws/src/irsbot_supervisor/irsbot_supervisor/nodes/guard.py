@@ -1,15 +1,15 @@
-"""No error of a callback is lost, and none ends the node: it becomes a verdict UNKNOWN."""
+"""No error in a callback is lost, and none ends the node: it becomes a verdict UNKNOWN."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 Fail = Callable[[Exception], None]
-"""Told of an error in a callback."""
+"""Called with an error in a callback."""
 
 
 def guarded(callback: Callable[[], None], fail: Fail) -> Callable[[], None]:
-    """A timer's callback whose errors are told."""
+    """A timer callback whose errors are reported."""
 
     def call() -> None:
         try:

@@ -1,7 +1,7 @@
-"""Services whose answers take long: a worker process computes them, and the executor goes on meanwhile.
+"""Services with long computations: a worker process computes them, and the executor goes on.
 
-rclpy sends what a callback returns as soon as it returns, and its EventsExecutor awaits no coroutine. So the callback
-is a generator: it yields tasks, is sent their results, and returns the response, which is sent then.
+rclpy sends the return value of a callback at once, and its EventsExecutor does not await coroutines. So the callback is
+a generator: it yields tasks, receives their results, and returns the response, which is then sent.
 """
 
 from __future__ import annotations
@@ -14,21 +14,21 @@ from rclpy.node import Node
 from rclpy.service import Service
 
 from irsbot_supervisor.nodes.guard import Fail
-from irsbot_supervisor.worker import Task, Worker, WorkerError
+from irsbot_supervisor.processes.worker import Task, Worker, WorkerError
 
 Steps = Generator[Task, Any, Any]
-"""Yields tasks, is sent their results (a WorkerError is thrown in), returns the response."""
+"""Yields tasks, receives their results (a WorkerError is raised in it), returns the response."""
 
 
 class Later:
     """Runs generators on the executor's thread, from one result of the worker to the next."""
 
     def __init__(self, node: Node, fail: Fail) -> None:
-        """fail: told of errors in generators; the client then gets an empty response."""
+        """fail: called with errors in generators; the client then gets an empty response."""
         self._node, self._fail, self._worker = node, fail, Worker()
 
     def serve(self, service: Service, callback: Callable[[Any, Any], Steps]) -> None:
-        """Let a service answer by generators of request and response."""
+        """Serve a service with generators of request and response."""
         send = service.send_response
 
         def answer(steps: Any, header: Any) -> None:
@@ -37,11 +37,11 @@ class Later:
         service.callback, service.send_response = callback, answer
 
     def close(self) -> None:
-        """Whoever waits gets no answer."""
+        """End; waiting clients get no answer."""
         self._worker.close()
 
     def _go_on(self, steps: Steps, reply: Callable[[Any], None], advance: Callable[[], Task]) -> None:
-        """Until the next task, or to the end."""
+        """Run a generator to its next task, or to its end."""
         try:
             task = advance()
         except StopIteration as end:
@@ -53,7 +53,7 @@ class Later:
             return
 
         def done(result: Any, error: WorkerError | None) -> None:
-            """In the worker's thread: the rest is for the executor's."""
+            """Called in the worker's thread: the rest runs in the executor's thread."""
             again = partial(steps.throw, error) if error is not None else partial(steps.send, result)
             if (executor := self._node.executor) is not None:
                 executor.create_task(self._go_on, steps, reply, again)

@@ -1,4 +1,4 @@
-"""What a node with a life cycle lacks in rclpy: an answer to a request that its state does not allow."""
+"""Answers life-cycle requests that the state does not allow; rclpy does not."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from rclpy.lifecycle import LifecycleNode
 
 
 def answer_every_request(node: LifecycleNode) -> None:
-    """`~/change_state` says no where rclpy raises, which leaves the caller waiting for ever. In an rclpy that keeps its
-    service elsewhere it stays like that."""
+    """Make `~/change_state` answer "no" where rclpy raises and leaves the caller waiting for ever. Does nothing in an
+    rclpy that stores its service elsewhere."""
     service = getattr(node, "_service_change_state", None)
     if service is None:
         return
@@ -26,8 +26,8 @@ def answer_every_request(node: LifecycleNode) -> None:
 
 
 def forget_state_machine(node: LifecycleNode) -> None:
-    """It holds on to the node, and rclpy forgets it when a node is destroyed: then the node stays in the graph. In an
-    rclpy that keeps it elsewhere nothing is done."""
+    """Destroy the state machine: it holds a reference to the node, and rclpy does not release it, so the node would
+    stay in the graph. Does nothing in an rclpy that stores it elsewhere."""
     machine = getattr(node, "_state_machine", None)
     if machine is not None:
         machine.destroy_when_not_in_use()

@@ -1,4 +1,4 @@
-"""~/markers for RViz and Foxglove: the platform coloured by level, the margin that governs, and the way out."""
+"""~/markers for RViz and Foxglove: the platform coloured by level, the governing margin, and the way out."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from irsbot_kinematics import Mechanism, Posture, Robot, statics
 from irsbot_msgs_py.records import Cause, Level, SingularityState, Verdict
-from irsbot_supervisor.core.pipeline import Supervisor
+from irsbot_supervisor.core.supervisor import Supervisor
 from irsbot_supervisor.nodes.endpoints import publisher
 from irsbot_supervisor.nodes.guard import Fail, guarded
 
 PERIOD_S = 0.1
-"""s between marker messages: smooth enough for people."""
+"""s between marker messages."""
 
 LIFETIME_NS = 500_000_000
-"""ns: markers of a supervisor that has fallen silent vanish."""
+"""ns: markers of a silent supervisor disappear after this time."""
 
 SIZE = 0.06
 """Diameter of the platform's marker, in lengths of the mechanism; the arrow is five times as long."""
@@ -45,7 +45,7 @@ MARGINS = {
 
 
 class MarkersPublisher:
-    """Remembers the newest state and verdict and draws them, while somebody looks."""
+    """Keeps the newest state and verdict and draws them while there is a subscriber."""
 
     def __init__(self, node: LifecycleNode, robot: Robot, supervisor: Supervisor, frame: str, fail: Fail) -> None:
         self.state: SingularityState | None = None
@@ -70,7 +70,7 @@ class MarkersPublisher:
         text = self._marker(1, Marker.TEXT_VIEW_FACING, verdict.level)
         text.pose.position = Point(x=x, y=y, z=z + 2.0 * size)
         text.scale = Vector3(z=size)
-        text.text = said(state, verdict)
+        text.text = stated(state, verdict)
         arrow = self._marker(2, Marker.ARROW, Level.OK)
         view = self._supervisor.view
         way = way_out(self._mechanism, view.at, verdict.escape_direction) if view else ()
@@ -93,8 +93,8 @@ class MarkersPublisher:
         return marker
 
 
-def said(state: SingularityState, verdict: Verdict) -> str:
-    """The level, and the margin that governs, or why nothing is known."""
+def stated(state: SingularityState, verdict: Verdict) -> str:
+    """The level, and the governing margin or the reason why it is not known."""
     margin = MARGINS.get(Cause(state.stop_cause))
     if margin is None or not isfinite(state.stop_margin):
         return f"{verdict.level.name} {verdict.text}".strip()
@@ -102,7 +102,7 @@ def said(state: SingularityState, verdict: Verdict) -> str:
 
 
 def way_out(mechanism: Mechanism, at: Posture, escape: Sequence[float]) -> tuple[float, ...]:
-    """How the platform moves if the joints move along the escape direction: a unit vector in space, or nothing."""
+    """Motion of the platform if the joints move along the escape direction: a unit vector in space, or empty."""
     if not escape or not at.det:
         return ()
     motion = in_space(mechanism, statics.twist(at.screws, tuple(map(neg, map(mul, at.levers, escape)))))
@@ -111,6 +111,7 @@ def way_out(mechanism: Mechanism, at: Posture, escape: Sequence[float]) -> tuple
 
 
 def in_space(mechanism: Mechanism, values: Sequence[float]) -> tuple[float, float, float]:
-    """Task coordinates, or their rates, as x, y, z of the base frame; what a planar robot has not is 0."""
+    """Task coordinates, or their rates, as x, y, z of the base frame; coordinates that a planar robot does not have are
+    0."""
     parts = dict(zip((coordinate.name for coordinate in mechanism.task), values, strict=True))
     return parts.get("x", 0.0), parts.get("y", 0.0), parts.get("z", 0.0)

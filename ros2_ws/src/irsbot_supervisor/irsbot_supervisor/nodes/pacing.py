@@ -1,4 +1,4 @@
-"""A thread that works in step with the steady clock, without drift, and what that clock means in ROS time."""
+"""A thread in step with the steady clock, without drift, and the conversion of that clock to ROS time."""
 
 from __future__ import annotations
 
@@ -11,19 +11,20 @@ from rclpy.clock import Clock
 from irsbot_msgs_py.stamps import NS_PER_S
 
 READ_NS = 50_000
-"""ns: two clocks read farther apart were not read together: the process was interrupted in between."""
+"""ns: two clocks that are read farther apart count as interrupted and are read again."""
 
 READINGS = 10
 """How often they are read again."""
 
 REREAD_NS = 10_000_000
-"""ns: reading the ROS clock takes as long as a step of the robot; in 10 ms two clocks drift apart by 5 us at most."""
+"""ns between two readings of the ROS clock: a reading takes as long as a step of the robot; in 10 ms two clocks drift
+apart by at most 5 us."""
 
 
 class Pacer:
-    """Calls `cycle(due_ns)` `rate_hz` times a second; `due_ns` is when the call was due, steady clock.
+    """Calls `cycle(due_ns)` `rate_hz` times a second; `due_ns` is the time at which the call was due, steady clock.
 
-    Calls that are late are made up for, none is left out. An error ends the thread and is handed to `failed`.
+    Late calls are made up for; none is left out. An error ends the thread and is passed to `failed`.
     """
 
     def __init__(self, rate_hz: float, cycle: Callable[[int], None], failed: Callable[[Exception], None]) -> None:
@@ -33,7 +34,7 @@ class Pacer:
         self._thread.start()
 
     def close(self) -> None:
-        """Returns when the last call is over."""
+        """Returns when the last call has ended."""
         self._closing.set()
         self._thread.join()
 
@@ -52,14 +53,15 @@ class Pacer:
 
 
 class RosTime:
-    """Times of the steady clock as times of a ROS clock, within READ_NS; a step of that clock shows after REREAD_NS."""
+    """Converts times of the steady clock to times of a ROS clock, within READ_NS; a step of that clock shows after
+    REREAD_NS."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
         self._difference_ns = self._read_ns = 0
 
     def of(self, steady_ns: int) -> int:
-        """Nanoseconds of the ROS clock at a steady time that has just been."""
+        """Nanoseconds of the ROS clock at a recent steady time."""
         if steady_ns - self._read_ns >= REREAD_NS:
             self._difference_ns, self._read_ns = self._compare(), steady_ns
         return steady_ns + self._difference_ns

@@ -1,7 +1,7 @@
 """The settings as ROS parameters: declared from the schema of `Settings`, checked as a whole in the set call.
 
-What takes long is whether the robot can be stopped from its velocity limits. A worker process looks into that before
-the parameters are set; the parameter callbacks, which rclpy calls within the set call, find the answer.
+The check whether the robot can be stopped from its velocity limits takes long. A worker process does it before the
+parameters are set; the parameter callbacks, which rclpy calls within the set call, find the result.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from irsbot_kinematics import Robot
-from irsbot_supervisor.bending import require_bending_said
-from irsbot_supervisor.core.limits import contradictions
+from irsbot_supervisor.configuration.compliance import require_bending_said
+from irsbot_supervisor.configuration.feasibility import infeasibilities
+from irsbot_supervisor.configuration.loading import read_settings, robot_of, shipped_values
 from irsbot_supervisor.core.settings import InvalidSettings, Settings, completed
 from irsbot_supervisor.nodes.as_declared import as_declared
 from irsbot_supervisor.nodes.callers import Callers
 from irsbot_supervisor.nodes.later import Later, Steps
-from irsbot_supervisor.settings_file import read_settings, robot_of, shipped_values
-from irsbot_supervisor.worker import Task, WorkerError
+from irsbot_supervisor.processes.worker import Task, WorkerError
 
 LOCKED = "lock_settings is set, and the supervisor has been active: settings change with a new start alone"
-"""Why a setting does not change."""
+"""Reason why a setting does not change."""
 
 NAMES = frozenset(entry.name for entry in fields(Settings))
 
@@ -54,7 +54,7 @@ def declare_settings(node: Node) -> tuple[Settings, Robot]:
 
 
 class ChangingSettings:
-    """The settings of a node in force; they change by its parameter services, in one call and as a whole."""
+    """The settings of a node in force; its parameter services change them in one call and as a whole."""
 
     def __init__(
         self,
@@ -68,11 +68,11 @@ class ChangingSettings:
         """settings: checked. apply: called with checked settings when they come into force."""
         self.now = settings
         self.locked = False
-        """Whether nothing changes any more."""
+        """True if settings no longer change."""
         self._callers = callers
         self._node, self._robot, self._apply = node, robot, apply
         self._looked: tuple[Settings, list[str]] = settings, []
-        """The settings that were looked into last, and their faults."""
+        """The last settings that were checked, and their faults."""
         node.add_on_set_parameters_callback(self._check)
         node.add_post_set_parameters_callback(self._set)
         for service in node.services:
@@ -82,7 +82,8 @@ class ChangingSettings:
                 later.serve(service, _at_once(service.callback, self._look, self._told))
 
     def _wanted(self, parameters: list[Parameter]) -> Settings:
-        """The settings with some parameters replaced, each valid, not looked into. Raises InvalidSettings."""
+        """The settings with some parameters replaced, each valid, without the check of stopping. Raises
+        InvalidSettings."""
         changes = {parameter.name: _plain(parameter.value) for parameter in parameters if parameter.name in NAMES}
         if not changes:
             return self.now
@@ -91,21 +92,21 @@ class ChangingSettings:
         return wanted
 
     def _look(self, messages: list[Any]) -> Steps:
-        """Look into the settings that a call asks for. While that takes its time another call may change those in
-        force: then it is done again."""
+        """Check the settings that a call requests. If another call changes the settings in force in this time, the
+        check is repeated."""
         parameters = as_declared(self._node, [Parameter.from_parameter_msg(message) for message in messages])
         try:
             while not self.locked and (wanted := self._wanted(parameters)) not in (self.now, self._looked[0]):
                 try:
-                    faults = yield Task(contradictions, (wanted, self._robot.mechanism))
+                    faults = yield Task(infeasibilities, (wanted, self._robot.mechanism))
                 except WorkerError as error:
-                    faults = [f"nobody could tell whether the robot can be stopped: {error}"]
+                    faults = [f"the check whether the robot can be stopped has failed: {error}"]
                 self._looked = wanted, faults
         except InvalidSettings:
             pass  # the set call says so
 
     def _told(self, parameters: list[ParameterMessage], result: SetParametersResult) -> None:
-        """A call has been answered."""
+        """Report that a call has been answered."""
         self._callers.count("parameter calls", result.successful)
         if not result.successful:
             names = ", ".join(parameter.name for parameter in parameters)
@@ -122,8 +123,8 @@ class ChangingSettings:
         looked, faults = self._looked
         if wanted == self.now:
             faults = []
-        elif wanted != looked:  # set from within this process, where nobody could look before
-            faults = contradictions(wanted, self._robot.mechanism)
+        elif wanted != looked:  # set from within this process, without an earlier check
+            faults = infeasibilities(wanted, self._robot.mechanism)
         return SetParametersResult(successful=not faults, reason="; ".join(faults))
 
     def _set(self, parameters: list[Parameter]) -> None:

@@ -1,7 +1,7 @@
-"""~/passive_joint_states and /tf: where the links are that no encoder sees, for RViz and robot_state_publisher.
+"""~/passive_joint_states and /tf: positions of the links without encoder, for RViz and robot_state_publisher.
 
-robot_state_publisher knows no loops. It moves the links that `joint_states` tells of; the links that hang from passive
-joints are told here, from the posture that is supervised. `irsbot urdf` writes the description to it.
+robot_state_publisher does not handle loops. It moves the links of the joints in `joint_states`; this node publishes the
+links that hang from passive joints, in the supervised posture. `irsbot urdf` writes the description.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ from irsbot_supervisor.nodes.endpoints import publisher
 from irsbot_supervisor.nodes.guard import Fail, guarded
 
 PERIOD_S = 0.05
-"""s between messages: smooth for people, and what robot_state_publisher does."""
+"""s between messages, as in robot_state_publisher."""
 
 
 class PosturePublisher:
-    """Remembers the newest state and tells its passive joints, while somebody listens. A robot whose mechanism has no
-    skeleton has none."""
+    """Keeps the newest state and publishes its passive joints while there is a subscriber. A mechanism without skeleton
+    has none."""
 
     def __init__(self, node: LifecycleNode, robot: Robot, prefix: str, fail: Fail) -> None:
-        """prefix: of the frames, as robot_state_publisher has it for several robots."""
+        """prefix: of the frames, as in robot_state_publisher for several robots."""
         self.state: SingularityState | None = None
         skeleton = robot.mechanism.skeleton()
         if skeleton is None:
             return
         self._skeleton, self._prefix = skeleton, prefix
         self._links = [link for link in skeleton.links if link.joint in skeleton.passive]
-        self._told = 0  # sequence of the state that was told last
+        self._told = 0  # sequence of the last published state
         self._joints = publisher(node, JointState, "~/passive_joint_states", 10)
         self._frames_type = frames_type()
         self._frames = publisher(node, self._frames_type, "/tf", 100) if self._frames_type else None

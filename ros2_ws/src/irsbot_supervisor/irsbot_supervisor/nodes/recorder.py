@@ -1,4 +1,4 @@
-"""recorder_node: everything needed to judge a run again, into a bag that survives the death of this process."""
+"""recorder_node: writes all data needed to judge a run again into a bag that survives the death of this process."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
+from irsbot_msgs.msg import GateStatus, SingularityState, Verdict
 from irsbot_msgs.msg import RecorderHealth as RecorderHealthMsg
-from irsbot_msgs.msg import SingularityState, Verdict
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -21,14 +21,14 @@ from trajectory_msgs.msg import JointTrajectory
 from irsbot_msgs_py.cdr import CdrError, decode_string
 from irsbot_msgs_py.convert import health_msg
 from irsbot_msgs_py.health import RecorderHealth, RecorderState
-from irsbot_msgs_py.shell import FAILED, UsageError, run
-from irsbot_supervisor.blackbox import BlackBox, Kept, StopWatch
+from irsbot_msgs_py.process.run import FAILED, UsageError, run
+from irsbot_supervisor.bag.bag import BagWriter, installed_topic
+from irsbot_supervisor.bag.blackbox import BlackBox, Kept, StopWatch
+from irsbot_supervisor.bag.journal import Configuration, JournalError, read_entry
+from irsbot_supervisor.bag.mcap_writer import BagError
 from irsbot_supervisor.core.settings import Settings
-from irsbot_supervisor.journal import Configuration, JournalError, read_entry
-from irsbot_supervisor.mcap_writer import BagError
 from irsbot_supervisor.nodes.endpoints import publisher
-from irsbot_supervisor.nodes.taps import Source, Taken, Taps
-from irsbot_supervisor.tape import TapeWriter, installed_topic
+from irsbot_supervisor.nodes.polled_subscriptions import PolledSubscriptions, Source, Taken
 
 MIB = 1024 * 1024
 HEALTH_PERIOD_S = 1.0
@@ -44,16 +44,17 @@ TOPICS: dict[str, tuple[str, Any, bool]] = {
     "command_out": ("command_out", JointTrajectory, False),
     "velocity_in": ("velocity_in", Float64MultiArray, False),
     "velocity_out": ("velocity_out", Float64MultiArray, False),
+    "gate": ("supervisor/gate", GateStatus, True),
     "diagnostics": ("/diagnostics", DiagnosticArray, False),
 }
 # Parameter, its default, description and range. All are read at the start alone.
 PARAMETERS: dict[str, tuple[Any, str, tuple[float, float] | None]] = {
     "output": ("", "new directory, or file with the suffix .mcap; empty: a dated one here", None),
-    "mode": ("all", "'all', or 'blackbox': only what surrounds a stop", None),
+    "mode": ("all", "'all', or 'blackbox': only the time around a stop", None),
     "flush_s": (0.02, "messages are taken and written this often [s]", (0.001, 0.25)),
     "keep_s": (10.0, "how much before a stop is kept in mode blackbox [s]", (0.1, 3600.0)),
     "after_s": (5.0, "how much after a stop is kept in mode blackbox [s]", (0.0, 3600.0)),
-    "keep_mib": (64, "most memory for what precedes a stop [MiB]", (1, 4096)),
+    "keep_mib": (64, "memory for the messages before a stop [MiB]", (1, 4096)),
     "depth": (2000, "messages per topic that the middleware holds for us", (10, 100_000)),
     "reserve_mib": (64, "recording ends before less is free [MiB]", (0, 10**6)),
     "compression": ("", "of the chunks: '' or 'zstd'", None),
@@ -63,7 +64,7 @@ VERDICT, JOURNAL = list(TOPICS).index("verdict"), list(TOPICS).index("journal")
 
 
 class RecorderNode(Node):
-    """Takes what has arrived 50 times per second and hands it to the operating system at once."""
+    """Takes the arrived messages 50 times per second and hands them to the operating system at once."""
 
     def __init__(self) -> None:
         super().__init__("recorder")
@@ -83,14 +84,14 @@ class RecorderNode(Node):
         target = Path(given["output"] or time.strftime("irsbot_%Y%m%d_%H%M%S"))
         if lack := self._lack_of_space(target):
             raise UsageError(f"cannot record to '{target}': {lack}")
-        self._tape = TapeWriter(target, given["compression"])
+        self._tape = BagWriter(target, given["compression"])
         self._channels = [self._tape.channel(installed_topic(s.topic, _type(s.type), s.latched)) for s in sources]
         self._state, self._text, self._slowest_s = RecorderState.RECORDING, "", 0.0
         latest = QoSProfile(
             depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
         )
         self._health = publisher(self, RecorderHealthMsg, "~/health", latest)
-        self._taps = Taps(self, sources, given["depth"])
+        self._taps = PolledSubscriptions(self, sources, given["depth"])
         self.create_timer(given["flush_s"], self._write)
         self.create_timer(HEALTH_PERIOD_S, self._report)
         self._report()
@@ -152,7 +153,7 @@ class RecorderNode(Node):
         return f"{free // MIB} MiB free, less than the reserve of {self._reserve_bytes // MIB} MiB"
 
     def _finish(self, state: RecorderState, text: str) -> None:
-        """Close the bag, say so, and leave with a code that tells."""
+        """Close the bag, report it, and exit with the matching code."""
         try:
             self._tape.close()
         except BagError as error:
@@ -194,7 +195,7 @@ def _type(kind: Any) -> str:
 
 
 def _free(path: Path) -> int:
-    """Bytes free for us on the file system of a path, whose last parts may not exist yet."""
+    """Free bytes on the file system of a path, whose last parts may not exist yet."""
     while not path.exists() and path != path.parent:
         path = path.parent
     status = os.statvfs(path)

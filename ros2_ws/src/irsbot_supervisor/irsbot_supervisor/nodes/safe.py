@@ -1,4 +1,4 @@
-"""~/safe: may the robot move, as one std_msgs/Bool, for gateways and relays that know no irsbot_msgs."""
+"""~/safe: whether the robot may move, as one std_msgs/Bool, for gateways and relays without irsbot_msgs."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from std_msgs.msg import Bool
 from irsbot_msgs_py.records import Level
 
 PROMISE_S = 0.05
-"""s: silence that is never exceeded while all goes well: two and a half of the slowest heartbeat, and half of what a
-consumer waits before it brakes. Who asks for as much or more as deadline or liveliness is served."""
+"""s: longest silence in normal operation: two and a half of the slowest heartbeat, and half of a consumer's timeout.
+Requests of this deadline and liveliness, or longer, are served."""
 
 HEARD_S = 0.2
-"""s: longest that the end of the node waits until the last word has arrived."""
+"""s: longest time that the end of the node waits until its last message is acknowledged."""
 
 PROMISED = QoSProfile(
     depth=1,
@@ -24,27 +24,27 @@ PROMISED = QoSProfile(
     liveliness=LivelinessPolicy.MANUAL_BY_TOPIC,  # by speaking: a process that lives and says nothing is not alive
     liveliness_lease_duration=Duration(seconds=PROMISE_S),
 )
-"""Of what is repeated with every heartbeat."""
+"""Quality of service of messages that are repeated with every heartbeat."""
 
 
 class SafePublisher:
-    """True below STOP, false at STOP and UNKNOWN, with every verdict; false as the last word. It outlives activations:
-    who comes late finds the last word of a supervisor that is not active."""
+    """True below STOP, false at STOP and UNKNOWN, with every verdict; false as the last message. The publisher outlives
+    activations: a late subscriber gets the last message of an inactive supervisor."""
 
     def __init__(self, node: Node) -> None:
         self._publisher = node.create_publisher(Bool, "~/safe", PROMISED)
-        self._said = False
+        self._stated = False
 
     def tell(self, level: Level) -> None:
-        """With every verdict."""
-        self._said = level < Level.STOP
-        self._publisher.publish(Bool(data=self._said))
+        """Publish with every verdict."""
+        self._stated = level < Level.STOP
+        self._publisher.publish(Bool(data=self._stated))
 
     def close(self) -> None:
-        """The last word of an activation."""
-        if self._said:
+        """Publish the last message of an activation."""
+        if self._stated:
             self.tell(Level.UNKNOWN)
 
     def end(self) -> None:
-        """Before the node is destroyed, and what has not arrived yet with it."""
+        """Called before the node is destroyed; waits for messages that have not arrived yet."""
         self._publisher.wait_for_all_acked(Duration(seconds=HEARD_S))

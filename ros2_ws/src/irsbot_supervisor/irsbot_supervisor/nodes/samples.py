@@ -1,4 +1,4 @@
-"""joint_states as they come; when more come than can be judged, the newest wins."""
+"""Receives joint_states; if more samples come than can be judged, only the newest is judged."""
 
 from __future__ import annotations
 
@@ -15,28 +15,29 @@ from irsbot_msgs_py.records import JointSample
 from irsbot_supervisor.nodes.endpoints import subscription
 
 MOST_HZ = 2500.0
-"""Up to this rate every sample is judged, on a machine of which we get half a core."""
+"""Hz: up to this rate every sample is judged, on a machine of which half a core is available."""
 
 BURST = 50
-"""Samples in a row that are judged whatever their rate: more than the queue holds after a stall of the process."""
+"""Number of consecutive samples that are judged at any rate: more than the queue holds after a stall of the process."""
 
 LATE_NS = 5_000_000
-"""ns: a sample this old has waited for us, or its sender is slow; a look into the queue tells."""
+"""ns: an older sample has waited here, or its sender is slow; the queue shows which."""
 
 MOST_BYTES = 65_536
-"""A joint state of a thousand joints fits; what is larger is not read: that could take longer than the heartbeat."""
+"""A joint state of a thousand joints fits; larger messages are not decoded, because that could take longer than the
+heartbeat."""
 
 
 OVERRIDES = QoSOverridingOptions([QoSPolicyKind.RELIABILITY])
-"""What parameters may say instead, for drivers that offer best effort alone. The depth is reckoned with."""
+"""Policies that parameters may change, for drivers that offer only best effort. The depth is fixed: the supervisor
+computes with it."""
 
 
 class Samples:
-    """Hands samples to `judge` while open: all of them as long as that can be done in time, then the newest.
+    """Passes samples to `judge` while open: all of them as long as time allows, then only the newest.
 
-    What is skipped was true a moment ago and is not any more: where the robot is now, and how fast, decides whether it
-    can still be stopped. Judging it all the same would delay that decision, with every sample more, and the heartbeat
-    and the services with it.
+    The present position and speed decide whether the robot can still be stopped. Judging older samples would delay this
+    decision, the heartbeat and the services.
     """
 
     def __init__(self, node: Node, qos: QoSProfile, judge: Callable[[JointSample], object]) -> None:
@@ -51,17 +52,17 @@ class Samples:
         )
 
     def settle(self) -> None:
-        """Judge what has been held back. To be called with every heartbeat: nothing newer may come."""
+        """Judge the sample that was held back. Called with every heartbeat: a newer one may not come."""
         if self._held:
             held, self._held = self._held, b""
             self._judge(self._decoded(held))
 
     def open(self) -> None:
-        """From now on."""
+        """Open the intake."""
         self._open = True
 
     def close(self) -> None:
-        """What is held back is never judged: by the time of the next `open` it would look new."""
+        """Close the intake. Waiting samples are never judged: at the next `open` they would look new."""
         self._open, self._held = False, b""
 
     def _on_sample(self, data: bytes) -> None:
@@ -73,7 +74,7 @@ class Samples:
         if self._held:
             self._held = b""
             self.skipped += 1
-        if not self._allowed >= 1.0:  # to take what waits costs less than to be called for it
+        if not self._allowed >= 1.0:  # taking the waiting samples costs less than a callback for each
             self._held = self._newest() or data
             return
         self._allowed -= 1.0
@@ -83,7 +84,7 @@ class Samples:
         self._judge(sample)
 
     def _newest(self) -> bytes:
-        """The last of what waits, at most a full queue of it; empty if nothing does."""
+        """The last waiting message, of at most a full queue; empty if there is none."""
         newest = b""
         handle, kind = self.subscription.handle, self.subscription.msg_type
         with handle:

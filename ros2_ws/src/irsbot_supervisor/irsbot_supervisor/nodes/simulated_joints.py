@@ -1,6 +1,6 @@
-"""simulated_joints_node: in place of hardware. A shell around `sim.machine.Machine` and `sim.faults.FaultInjector`.
+"""simulated_joints_node: replaces the hardware. A shell around `sim.machine.Machine` and `sim.faults.FaultInjector`.
 
-The robot moves in a thread of its own, paced by the steady clock without drift; callbacks only hand over to it.
+The robot moves in its own thread, paced by the steady clock without drift; callbacks only pass data to it.
 """
 
 from __future__ import annotations
@@ -20,54 +20,54 @@ from trajectory_msgs.msg import JointTrajectory
 
 from irsbot_kinematics import KinematicsError
 from irsbot_msgs_py.cdr import CdrError, decode_verdict, encode_joint_state
+from irsbot_msgs_py.process.run import FAILED, run
 from irsbot_msgs_py.records import JointSample, Level
-from irsbot_msgs_py.shell import FAILED, run
 from irsbot_msgs_py.stamps import NS_PER_S
-from irsbot_supervisor.core.motion import BadTrajectory, Command
 from irsbot_supervisor.nodes.commands import command_of
 from irsbot_supervisor.nodes.endpoints import publisher, subscription
 from irsbot_supervisor.nodes.pacing import Pacer, RosTime
 from irsbot_supervisor.nodes.simulation_parameters import declare_simulation
 from irsbot_supervisor.sim.errors import BadFault, SimulationError
 from irsbot_supervisor.sim.faults import FaultInjector, parse_faults
-from irsbot_supervisor.sim.obedience import Obedience
 from irsbot_supervisor.sim.simulation import build
+from irsbot_supervisor.sim.stop_response import StopResponse
+from irsbot_supervisor.trajectory.joint_path import BadTrajectory, Command
 
-STREAM = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
-LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+JOINT_STATES = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
+LAST_VERDICT = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 TOO_LATE_NS = 50_000_000
-"""ns: after a stall of the process the samples that are later than this are not sent any more; the robot has moved."""
+"""ns: after a stall of the process, samples later than this are not sent any more; the robot has moved."""
 
 
 LONELY_S = 5.0
-"""s without a verdict after which that is said; a supervisor takes two to start on a quiet machine."""
+"""s without a verdict after which this is logged; a supervisor takes two to start on a quiet machine."""
 
 SETTLE_NS = 500_000_000
-"""ns from the birth of the publisher to its first sample at least: who is there already has found it by then on a quiet
-machine. A recorder that shall have the run from its first sample on is waited for by the setting `listeners`."""
+"""ns: least time from the creation of the publisher to its first sample, so that running nodes discover it first. For a
+recorder that needs the first sample, set `listeners`."""
 
 LISTENERS_NS = 10_000_000_000
-"""ns from the birth of the publisher for which listeners are waited for."""
+"""ns from the creation of the publisher for which it waits for listeners."""
 
 
 class SimulatedJointsNode(Node):
-    """Moves as its scenario says while the verdict allows it, and publishes what the encoders read."""
+    """Moves as its scenario says while the verdict allows it, and publishes the readings of the encoders."""
 
     def __init__(self) -> None:
         super().__init__("simulated_joints")
         self.exit_code: int | None = None
         self._simulation, self._robot = declare_simulation(self)
         self._machine, scenario = build(self._simulation, self._robot)
-        self._obedience = Obedience(self._simulation.verdict_timeout_s, self._simulation.gated)
-        text = "what goes wrong on the way to the consumer, e.g. nan:count=10,at=2.0; see docs/simulation.md"
+        self._stop_response = StopResponse(self._simulation.verdict_timeout_s, self._simulation.gated)
+        text = "fault line, e.g. nan:count=10,at=2.0; see docs/how_to/simulation.md"
         line = self.declare_parameter("fault", scenario.faults, ParameterDescriptor(description=text)).value
         self._injector = self._new_injector(line)
         self._commands: SimpleQueue[Command] = SimpleQueue()
         self._rates: SimpleQueue[tuple[float, ...]] = SimpleQueue()
-        self._outlets = [publisher(self, JointState, "joint_states", STREAM)]
+        self._outlets = [publisher(self, JointState, "joint_states", JOINT_STATES)]
         self._born_ns, self._begun = time.monotonic_ns(), False
-        subscription(self, Verdict, "supervisor/verdict", self._on_verdict, LATCHED, raw=True)
+        subscription(self, Verdict, "supervisor/verdict", self._on_verdict, LAST_VERDICT, raw=True)
         subscription(self, JointTrajectory, "joint_trajectory", self._on_trajectory, 10)
         subscription(self, Float64MultiArray, "joint_velocity", self._on_velocity, 10)
         self.add_on_set_parameters_callback(self._check_parameters)
@@ -92,7 +92,7 @@ class SimulatedJointsNode(Node):
             self._jog(self._rates.get())
         allowed = self._allowed(due_ns)
         if self._simulation.gated and not allowed > 0.0:
-            self._machine.drives.follow((), (), ())  # what was commanded before a stop is forgotten
+            self._machine.drives.follow((), (), ())  # commands before a stop are dropped
         reading = self._machine.step(self._simulation.period_s, allowed)
         if not self._begins(due_ns) or time.monotonic_ns() - due_ns > TOO_LATE_NS:
             return
@@ -104,7 +104,7 @@ class SimulatedJointsNode(Node):
             self._outlets[sent.publisher].publish(encode_joint_state(sent.sample))
 
     def _begins(self, due_ns: int) -> bool:
-        """Whether samples may be sent."""
+        """True if samples may be sent."""
         if not self._begun and due_ns >= self._born_ns + SETTLE_NS:
             heard, wanted = self._outlets[0].get_subscription_count(), self._simulation.listeners
             self._begun = heard >= wanted or due_ns >= self._born_ns + LISTENERS_NS
@@ -113,19 +113,19 @@ class SimulatedJointsNode(Node):
         return self._begun
 
     def _open(self, outlets: int) -> None:
-        """A fault may ask for a second publisher, as long as it acts."""
+        """True if a second publisher is needed for a fault that is active."""
         while len(self._outlets) < outlets:
-            self._outlets.append(publisher(self, JointState, "joint_states", STREAM))
+            self._outlets.append(publisher(self, JointState, "joint_states", JOINT_STATES))
         while len(self._outlets) > outlets:
             self.destroy_publisher(self._outlets.pop())
 
     def _allowed(self, due_ns: int) -> float:
         if due_ns < self._moves_ns:
             return 0.0
-        return self._obedience.allowed(due_ns) if self._simulation.obey else 1.0
+        return self._stop_response.allowed(due_ns) if self._simulation.obey else 1.0
 
     def _fail(self, error: Exception) -> None:
-        """Ends the process: silence is what a consumer sees of a dead driver."""
+        """End the process: a consumer sees the silence of a dead driver."""
         self.get_logger().fatal(f"{type(error).__name__}: {error}")
         self.exit_code = FAILED
 
@@ -148,12 +148,12 @@ class SimulatedJointsNode(Node):
         try:
             verdict = decode_verdict(data)
         except CdrError:
-            self._obedience.hear(Level.UNKNOWN, 0.0, now_ns)
+            self._stop_response.hear(Level.UNKNOWN, 0.0, now_ns)
         else:
-            self._obedience.hear(verdict.level, verdict.speed_scale, now_ns)
+            self._stop_response.hear(verdict.level, verdict.speed_scale, now_ns)
 
     def _tell_of_silence(self) -> None:
-        """Once: a supervisor of another name says its verdicts elsewhere."""
+        """Log once that no verdict comes: a supervisor with another name publishes elsewhere."""
         self.destroy_timer(self._patience)
         if self._simulation.obey and not self._heard:
             topic = self.resolve_topic_name("supervisor/verdict")

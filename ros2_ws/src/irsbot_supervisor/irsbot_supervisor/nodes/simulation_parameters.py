@@ -9,7 +9,7 @@ from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 
 from irsbot_kinematics import Robot
-from irsbot_supervisor.settings_file import robot_of, shipped_values
+from irsbot_supervisor.configuration.loading import robot_of, shipped_values
 from irsbot_supervisor.sim.simulation import Simulation, simulation_from
 
 
@@ -18,10 +18,10 @@ def declare_simulation(node: Node) -> tuple[Simulation, Robot]:
 
     Raises BadSetting, or what the robot's file raises.
     """
-    said = {entry.name: entry.metadata for entry in fields(Simulation)}
+    stated = {entry.name: entry.metadata for entry in fields(Simulation)}
 
     def declare(name: str, default: Any) -> Any:
-        unit, text = said[name]["unit"], said[name]["text"]
+        unit, text = stated[name]["unit"], stated[name]["text"]
         described = ParameterDescriptor(description=f"{text} [{unit}]" if unit else text, read_only=True)
         value = node.declare_parameter(name, default, described).value
         return tuple(value) if isinstance(default, list) else value
@@ -32,7 +32,7 @@ def declare_simulation(node: Node) -> tuple[Simulation, Robot]:
     limits = {name: shipped.get(name) for name in ("velocity_limit", "deceleration_limit")}
     defaults = simulation_from({"robot": robot_name, **limits}, robot)
     values = {"robot": robot_name}
-    for name in said:
+    for name in stated:
         if name != "robot":
             default = getattr(defaults, name)
             values[name] = declare(name, list(default) if isinstance(default, tuple) else default)

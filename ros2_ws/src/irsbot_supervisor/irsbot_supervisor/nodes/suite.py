@@ -14,14 +14,14 @@ from rclpy.utilities import remove_ros_args
 
 from irsbot_kinematics import KinematicsError
 from irsbot_kinematics.nodes.kinematics import KinematicsNode
-from irsbot_msgs_py.shell import USAGE, run_together
-from irsbot_supervisor.core.motion import BadTrajectory
+from irsbot_msgs_py.process.run import USAGE, run_together
+from irsbot_supervisor.bag.mcap_writer import BagError
 from irsbot_supervisor.core.settings import InvalidSettings
-from irsbot_supervisor.mcap_writer import BagError
 from irsbot_supervisor.nodes.recorder import RecorderNode
 from irsbot_supervisor.nodes.simulated_joints import SimulatedJointsNode
 from irsbot_supervisor.nodes.supervisor import SupervisorNode
 from irsbot_supervisor.sim.errors import SimulationError
+from irsbot_supervisor.trajectory.joint_path import BadTrajectory
 
 NODES = {
     "recorder": RecorderNode,
@@ -29,13 +29,13 @@ NODES = {
     "supervisor": SupervisorNode,
     "simulated_joints": SimulatedJointsNode,
 }
-"""In the order of their start: a recorder that is there first misses nothing."""
+"""In the order of their start: the recorder starts first and misses nothing."""
 
 REFUSED = (InvalidSettings, KinematicsError, BagError, SimulationError, BadTrajectory)
 
 
 def wanted(arguments: Sequence[str]) -> list[str]:
-    """The nodes that are named, in the order of their start. Raises ValueError."""
+    """The named nodes, in the order of their start. Raises ValueError."""
     if unknown := [name for name in arguments if name not in NODES]:
         raise ValueError(f"no node '{unknown[0]}'; there are {', '.join(NODES)}")
     return [name for name in NODES if name in arguments or not arguments]

@@ -1,4 +1,4 @@
-"""supervisor_node: joint states in, states and verdicts out. A shell around `core.pipeline.Supervisor`."""
+"""supervisor_node: joint states in, states and verdicts out. A shell around `core.supervisor.Supervisor`."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from std_msgs.msg import String
 
 from irsbot_kinematics import KinematicsError
 from irsbot_msgs_py.cdr import encode_state, encode_verdict
+from irsbot_msgs_py.process.run import run
 from irsbot_msgs_py.records import Bypass, Reset, Restart, Tick, Verdict
-from irsbot_msgs_py.shell import run
-from irsbot_supervisor.core.motion import BadTrajectory
-from irsbot_supervisor.core.pipeline import Configure, Event, Step, Supervisor
+from irsbot_supervisor.bag.journal import Entry, configured, write_entry
+from irsbot_supervisor.core.events import Configure, Event, Step
 from irsbot_supervisor.core.settings import InvalidSettings, Settings
-from irsbot_supervisor.journal import Entry, configured, write_entry
+from irsbot_supervisor.core.supervisor import Supervisor
 from irsbot_supervisor.nodes.as_declared import read_as_declared
 from irsbot_supervisor.nodes.bond import Bond
 from irsbot_supervisor.nodes.callers import Callers
@@ -34,15 +34,16 @@ from irsbot_supervisor.nodes.diagnostics import DiagnosticsPublisher
 from irsbot_supervisor.nodes.endpoints import quality
 from irsbot_supervisor.nodes.follow import FollowServer, action_type
 from irsbot_supervisor.nodes.gate import CommandGate
+from irsbot_supervisor.nodes.graph_monitor import GraphMonitor
 from irsbot_supervisor.nodes.later import Later, Steps
 from irsbot_supervisor.nodes.lifecycle import answer_every_request, forget_state_machine
 from irsbot_supervisor.nodes.markers import MarkersPublisher
 from irsbot_supervisor.nodes.parameters import ChangingSettings, declare_settings
-from irsbot_supervisor.nodes.partners import Partners
 from irsbot_supervisor.nodes.posture import PosturePublisher
 from irsbot_supervisor.nodes.safe import PROMISED, SafePublisher
 from irsbot_supervisor.nodes.samples import Samples
 from irsbot_supervisor.nodes.verdict_log import VerdictLog
+from irsbot_supervisor.trajectory.joint_path import BadTrajectory
 
 PARAMETERS = {
     "autostart": (True, "become active at the start, without waiting for transitions"),
@@ -51,19 +52,23 @@ PARAMETERS = {
     "lock_settings": (False, "settings are read-only from the first activation on"),
     "start_latched": (False, "started again after an end: level UNKNOWN until a reset"),
 }
-"""Those that are no settings, with default and description."""
+"""Parameters that are not settings, with default and description."""
 
 STREAM = QoSProfile(depth=200, reliability=ReliabilityPolicy.RELIABLE)
-"""Every sample counts as long as all can be judged in time."""
+"""Deep queue: every sample counts as long as all can be judged in time."""
 
 INLET = QoSProfile(depth=12, reliability=ReliabilityPolicy.RELIABLE)
-"""What waits longer is skipped for newer samples anyway, and every place may come to hold the largest message ever."""
+"""Short queue: older samples are skipped for newer ones anyway, and each place may keep memory for the largest
+message."""
+
+SHOWN_NS = 50_000_000
+"""ns: shortest time between markers, postures and diagnostics."""
 
 REQUESTS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
-"""By default ten requests and ten answers are kept, and of a hundred clients at once most would wait for ever."""
+"""The default depth of ten would leave most of a hundred simultaneous clients without an answer."""
 
 INACTIVE = "the supervisor is not active"
-"""What a service answers then."""
+"""Answer of a service while the supervisor is inactive."""
 
 JOURNAL = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -71,10 +76,10 @@ JOURNAL = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE, durabili
 class SupervisorNode(LifecycleNode):
     """Judges while active. In any other state it is silent, and silence means stop.
 
-    There is one supervisor from the birth of the node to its end: a latched stop and the number of the last one outlive
-    every transition of the life cycle, so that only a reset ends a stop, and an old number never fits a new one. So do
-    the node's parts, for the middleware keeps 2 kB of every dozen that come and go. States, verdicts and the journal
-    come and go with the activation: what a supervisor that sleeps has latched must not be heard.
+    One `Supervisor` lives as long as the node: a latched stop and the last event number survive every transition of the
+    life cycle. So only a reset ends a stop, and an old number never fits a new one. The parts of the node live as long,
+    because the middleware keeps 2 kB of every dozen that are destroyed. Publishers of states, verdicts and the journal
+    live as long as an activation: latched messages of an inactive supervisor must not reach late joiners.
     """
 
     def __init__(self) -> None:
@@ -94,14 +99,16 @@ class SupervisorNode(LifecycleNode):
         self._safe = SafePublisher(self)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._heart: Timer | None = None
+        self._listened = False  # True if states have a subscriber; a new one is noticed with the next sample
+        self._reported_ns = 0  # seen_ns of the newest state
         self._speech: list[Publisher] = []
         self._answered_s = 0.0  # when a refused wish was logged last, steady clock
         self._stream = quality(self, SingularityState, "~/state", STREAM)
         self._lasting = quality(self, String, "~/journal", JOURNAL)
         self._samples = Samples(self, INLET, self._step)
-        partners = Partners(self, self._callers.counts)
+        graph_monitor = GraphMonitor(self, self._callers.counts)
         self._diagnostics = DiagnosticsPublisher(
-            self, self._supervisor, partners, self._samples, self._callers, self._fail
+            self, self._supervisor, graph_monitor, self._samples, self._callers, self._fail
         )
         self._markers = MarkersPublisher(self, self._robot, self._supervisor, self._frame, self._fail)
         self._posture = PosturePublisher(self, self._robot, prefix, self._fail)
@@ -121,18 +128,18 @@ class SupervisorNode(LifecycleNode):
     # --- life cycle --------------------------------------------------------------------------------------------
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """All there is has been there since the birth of the node."""
+        """Nothing to do: all parts exist since the creation of the node."""
         self.get_logger().info("configured: inactive until an activation")
         return super().on_configure(state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """All there is stays until the end of the node."""
-        self.get_logger().info("cleaned up: what is known, and a latched stop, stay")
+        """Nothing to do: all parts stay until the end of the node."""
+        self.get_logger().info("cleaned up: the state of the robot and a latched stop are kept")
         return super().on_cleanup(state)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Begin, or go on as after as long a gap between two samples: with UNKNOWN if it was a silence. A latched stop
-        stays."""
+        """Begin or continue to judge. The inactive time counts as an interval between two samples: UNKNOWN if it was a
+        silence. A latched stop stays."""
         self._states = self.create_publisher(SingularityState, "~/state", self._stream)
         self._verdicts = self.create_publisher(VerdictMsg, "~/verdict", PROMISED)
         self._journal = self.create_publisher(String, "~/journal", self._lasting)
@@ -153,19 +160,19 @@ class SupervisorNode(LifecycleNode):
         return super().on_activate(state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Fall silent."""
+        """Stop publishing."""
         self._fall_silent()
         self.get_logger().info("deactivated: silent, and nothing passes the gate")
         return super().on_deactivate(state)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """From whatever state."""
+        """Stop publishing, from any state."""
         self._fall_silent()
         self.get_logger().info(f"shut down in state '{state.label}'")
         return super().on_shutdown(state)
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """An activation that failed half-way leaves nothing behind."""
+        """Clean up after an activation that failed half-way."""
         self.get_logger().error("a transition failed with an error inside")
         self._fall_silent()
         return super().on_error(state)
@@ -178,12 +185,12 @@ class SupervisorNode(LifecycleNode):
         self._safe.end()
 
     def destroy_node(self) -> None:
-        """With the state machine, which rclpy forgets."""
+        """Also destroy the state machine, which rclpy does not."""
         forget_state_machine(self)
         super().destroy_node()
 
     def _fall_silent(self) -> None:
-        """A beat of the heart may still come until the executor has noticed; it finds us inactive."""
+        """Stop publishing. A heartbeat may still come before the executor notices; it finds the node inactive."""
         self._active = False
         self._bond.end()
         self._stop_heart()
@@ -199,7 +206,7 @@ class SupervisorNode(LifecycleNode):
         self._speech = []
 
     def _start_heart(self, settings: Settings) -> None:
-        """On the steady clock: simulated time may stand still, and the heart must not."""
+        """Start the heartbeat on the steady clock: simulated time may stand still."""
         self._stop_heart()
         self._heart = self.create_timer(settings.heartbeat_s, self._on_tick, clock=self._steady)
 
@@ -212,6 +219,7 @@ class SupervisorNode(LifecycleNode):
 
     def _on_tick(self) -> None:
         self._samples.settle()
+        self._listened = self._active and self._states.get_subscription_count() > 0
         tick = Tick(*self._now())
         self._step(tick)
         self._gate.beat(tick.seen_ns)
@@ -238,7 +246,8 @@ class SupervisorNode(LifecycleNode):
         return response
 
     def _wish(self, wish: Reset | Bypass, what: str, service: str) -> tuple[bool, str]:
-        """What an operator wants, noted before it is judged: whether it was accepted, and why not."""
+        """Record an operator's request in the journal before it is judged. Returns whether it was accepted, and the
+        reason if not."""
         self._note(wish)
         step = self._step(wish)
         accepted = step is not None and not step.refusal
@@ -246,21 +255,22 @@ class SupervisorNode(LifecycleNode):
         self._callers.count("resets" if isinstance(wish, Reset) else "bypasses", accepted)
         if accepted:
             self.get_logger().info(f"{what}, {self._callers.who(service)}: accepted")
-        elif time.monotonic() - self._answered_s > 1.0:  # whoever asks without end gets answers, not lines
+        elif time.monotonic() - self._answered_s > 1.0:  # a client that asks without end gets answers, but no log lines
             self._answered_s = time.monotonic()
             self.get_logger().info(f"{what}, {self._callers.who(service)}: {message}")
         return accepted, message
 
     def _on_check(self, request: CheckTrajectory.Request, response: CheckTrajectory.Response) -> Steps:
-        """Only while the robot stands: a moving one has left where the motion begins when the answer comes."""
+        """Check a planned motion while the robot stands: a moving robot has left the start of the motion when the
+        answer comes."""
         if not self._active:
             return refused(response, INACTIVE)
         if not self._supervisor.standing:
             return refused(response, "the robot is moving, or its state is not known: ask while it stands")
         try:
             view = self._supervisor.view
-            ahead_s = view.ahead_s if view is not None else 0.0
-            return answered((yield asked(self._robot, self._settings, request, ahead_s)), response)
+            prediction_delay_s = view.prediction_delay_s if view is not None else 0.0
+            return answered((yield asked(self._robot, self._settings, request, prediction_delay_s)), response)
         except BadTrajectory as error:
             return refused(response, str(error))
         except Exception as error:
@@ -268,14 +278,16 @@ class SupervisorNode(LifecycleNode):
             return refused(CheckTrajectory.Response(), f"an error occurred inside the supervisor: {error}")
 
     def _step(self, event: Event) -> Step | None:
-        """The one guard: an error inside becomes an UNKNOWN verdict and a log line."""
+        """Run the core with one guard: an internal error becomes an UNKNOWN verdict and a log line."""
         if not self._active:
             return None
         try:
-            step = self._supervisor.step(event)
+            step = self._supervisor.step(event, self._is_wanted(event.seen_ns))
             if step.state is not None:
-                spent = (time.monotonic_ns() - event.seen_ns) * 1e-9
-                self._states.publish(encode_state(step.state._replace(compute_time=spent)))
+                self._reported_ns = event.seen_ns
+                if self._listened:
+                    spent = (time.monotonic_ns() - event.seen_ns) * 1e-9
+                    self._states.publish(encode_state(step.state._replace(compute_time=spent)))
                 self._markers.state = self._diagnostics.state = self._posture.state = step.state
             if step.verdict is not None:
                 self._say(step.verdict)
@@ -285,15 +297,21 @@ class SupervisorNode(LifecycleNode):
             self._fail(error)
             return None
 
+    def _is_wanted(self, now_ns: int) -> bool:
+        """True if states have a subscriber, or if markers, postures or diagnostics need a new one."""
+        if not self._listened:
+            self._listened = self._states.get_subscription_count() > 0
+        return self._listened or now_ns - self._reported_ns >= SHOWN_NS
+
     def _say(self, verdict: Verdict) -> None:
         self._verdicts.publish(encode_verdict(verdict))
         self._safe.tell(verdict.level)
         self._log.hear(verdict, time.monotonic_ns())
 
     def _fail(self, error: Exception) -> None:
-        """An error in a callback: UNKNOWN, until a sample is judged without one."""
+        """Handle an error in a callback: UNKNOWN, until a sample is judged without error."""
         if not self._active:
-            return  # what it wanted to publish with is gone
+            return  # its publishers are gone
         self.get_logger().error(f"{type(error).__name__}: {error}", throttle_duration_sec=1.0)
         step = self._supervisor.fail(time.monotonic_ns(), error)
         if step.verdict is not None:
@@ -306,7 +324,7 @@ class SupervisorNode(LifecycleNode):
         return self._changing.now
 
     def _apply(self, settings: Settings) -> None:
-        """Checked settings come into force."""
+        """Bring checked settings into force."""
         was, now = asdict(self._settings), asdict(settings)
         changes = ", ".join(f"{name} {was[name]!r} -> {now[name]!r}" for name in now if now[name] != was[name])
         self.get_logger().info(f"settings {settings.config_hash}: {changes or 'as before'}")
@@ -317,7 +335,7 @@ class SupervisorNode(LifecycleNode):
                 self._start_heart(settings)
 
     def _configure(self, settings: Settings) -> None:
-        """The settings come into force; before the first sample, silence counts from here."""
+        """Bring the settings into force; before the first sample, a silence counts from here."""
         now = self._now()
         self._note(configured(settings, self._robot, *now))
         self._step(Configure(*now, settings))
@@ -330,7 +348,7 @@ class SupervisorNode(LifecycleNode):
 
 
 def _served_later(request: Any, response: Any) -> Any:
-    """In the place of a callback, until `Later` serves the service."""
+    """Placeholder for a callback, until `Later` serves the service."""
     raise NotImplementedError
 
 

@@ -1,4 +1,4 @@
-"""What of the verdicts goes to the log: every stop that is latched, and the beginnings and ends of STOP and UNKNOWN."""
+"""Logs verdicts: every latched stop, and the begin and end of STOP and UNKNOWN."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from irsbot_msgs_py.records import Level, Verdict
 from irsbot_msgs_py.stamps import NS_PER_S
 
 PAUSE_NS = NS_PER_S
-"""Between two lines about levels: who flickers is told of once a second, and what is in force is told in the end."""
+"""ns between two lines about levels: a flickering level is logged once a second, and the last level always."""
 
 
 class VerdictLog:
-    """Hears every verdict."""
+    """Takes in every verdict."""
 
     def __init__(self, logger: Any) -> None:
         self._logger = logger
-        self._event = 0  # of the last stop that was told
-        self._level: Level | None = None  # told last: OK stands for WARN, too
+        self._event = 0  # of the last logged stop
+        self._level: Level | None = None  # last logged: OK also stands for WARN
         self._told_ns = 0
 
     def hear(self, verdict: Verdict, now_ns: int) -> None:

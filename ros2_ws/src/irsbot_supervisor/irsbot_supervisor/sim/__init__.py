@@ -1,1 +1,1 @@
-"""What stands in for hardware: trajectories, drives, encoders and their faults. Pure: time is an argument."""
+"""Simulation in place of hardware: trajectories, drives, encoders and their faults. Pure: time is an argument."""

@@ -1,18 +1,18 @@
-"""What the simulation refuses, always with a sentence that says what would be right."""
+"""Refusals of the simulation, each with a sentence that says what would be right."""
 
 from __future__ import annotations
 
 
 class SimulationError(ValueError):
-    """Root of everything this package raises on purpose."""
+    """Base of all exceptions that this package raises on purpose."""
 
 
 class BadPath(SimulationError):
-    """A path that cannot be driven."""
+    """A path that cannot be followed."""
 
 
 class BadScenario(SimulationError):
-    """A scenario that cannot be read or driven."""
+    """A scenario that cannot be read or run."""
 
 
 class BadFault(SimulationError):

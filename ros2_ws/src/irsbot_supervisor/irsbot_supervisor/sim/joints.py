@@ -1,8 +1,8 @@
-"""The simulated drives: they follow a motion within their limits, and brake when they are told to or told nothing.
+"""The simulated drives: they follow a motion within their limits, and brake on an order or without any order.
 
-Braking is what the outlook of the supervisor assumes: after the latency every joint slows down on its own with its
-constant deceleration until it stands. Afterwards the joints hold; released, they swing back to where they left their
-motion and go on, never faster than allowed.
+Braking is as the supervisor assumes: after the latency every joint slows down on its own with its constant deceleration
+until it stands. Then the joints hold. When they are released, they return to the point where they left their motion and
+continue, never faster than allowed.
 """
 
 from __future__ import annotations
@@ -12,23 +12,30 @@ from collections.abc import Sequence
 from math import copysign, inf
 
 from irsbot_kinematics.mechanism import Floats
-from irsbot_supervisor.core.motion import BadTrajectory, JointLimits, JointPath, JointPoint, Motion, path_through
-
-from .trajectory import stand, swing
+from irsbot_supervisor.sim.trajectory import joint_move, stand
+from irsbot_supervisor.trajectory.joint_path import (
+    BadTrajectory,
+    JointLimits,
+    JointPath,
+    JointPoint,
+    Motion,
+    path_through,
+)
 
 HALVINGS = 8
-"""How often a change of pace is halved, before it is given up for one step, to keep accelerations within limits."""
+"""Number of times a change of pace is halved to keep accelerations within limits, before it is given up for one
+step."""
 
 ROOM = 1.0 + 1e-9
-"""1: a commanded rate at its limit may lie above it by rounding."""
+"""1: share by which a commanded rate at its limit may exceed it by rounding."""
 
 PACE_SHARE = 0.99
 """1: share of the acceleration limits up to which the pace may change. The two ends of a step are checked; between them
-the acceleration may rise a little higher, by far less than the rest."""
+the acceleration may be slightly higher, by far less than the remaining share."""
 
 
 class Drives:
-    """The joints of one robot. `step` moves them; `now` is where they are."""
+    """The joints of one robot. `step` moves them; `now` is their position."""
 
     def __init__(self, motion: Motion, limits: JointLimits, latency_s: float = 0.0) -> None:
         """motion: begins at rest. latency_s: from an order to its effect."""
@@ -50,11 +57,11 @@ class Drives:
 
     @property
     def stands(self) -> bool:
-        """Whether no joint moves."""
+        """True if no joint moves."""
         return not any(self.now.velocity)
 
     def step(self, seconds: float, allowed: float) -> JointPoint:
-        """Move on by a period. allowed: share of full speed, 0..1; the joints brake unless it is above 0."""
+        """Advance by a period. allowed: share of full speed, 0..1; the joints brake unless it is above 0."""
         end = self._time_s + seconds
         order = min(allowed, 1.0) if allowed > 0.0 else 0.0
         if order != self._ordered:
@@ -69,10 +76,10 @@ class Drives:
         return self.now
 
     def follow(self, times: Sequence[float], positions: Sequence[Floats], velocities: Sequence[Floats]) -> None:
-        """Leave the present motion for commanded points: straight on if that keeps the limits, else from standstill.
+        """Leave the present motion for commanded points: without a stop if the limits allow it, else from standstill.
 
-        times: s from now, increasing. velocities: may be empty; derived from the positions then. Without points the
-        joints stop and stay. Raises BadTrajectory for points that are no motion of these joints.
+        times: s from now, increasing. velocities: may be empty; then derived from the positions. Without points the
+        joints stop and stay. Raises BadTrajectory for points that are not a motion of these joints.
         """
         self._jog = None
         if not times:
@@ -94,7 +101,7 @@ class Drives:
 
     def jog(self, rates: Floats, seconds: float) -> None:
         """Leave the present motion and move at these rates until `seconds` have passed without another command; then
-        stop and stay. Rates are reached within the limits. Raises BadTrajectory."""
+        stop and stay. The limits apply to the change of rates. Raises BadTrajectory."""
         limits = self.limits.velocity
         if len(rates) != len(limits) or not all(abs(v) <= ROOM * most for v, most in zip(rates, limits, strict=True)):
             raise BadTrajectory(f"rates must be {len(limits)} numbers within {limits}, got {rates}")
@@ -102,7 +109,7 @@ class Drives:
         self._next = None
 
     def _halt(self) -> Floats:
-        """Where the joints stand if they brake now."""
+        """Positions at which the joints stand if they brake now."""
         q, v, limits = self.now.position, self.now.velocity, self.limits.deceleration
         return tuple([q + 0.5 * v * abs(v) / limit for q, v, limit in zip(q, v, limits, strict=True)])
 
@@ -121,7 +128,7 @@ class Drives:
             self._brake(seconds)
 
     def _brake(self, seconds: float) -> None:
-        """Every joint by itself, exactly: v t - a t^2/2 until it stands."""
+        """Each joint alone, exactly: v t - a t^2/2 until it stands."""
         self._pace = 0.0
         self._astray = self._astray or not self.stands
         position, velocity, acceleration = [], [], []
@@ -136,7 +143,7 @@ class Drives:
         self.now = JointPoint(tuple(position), tuple(velocity), tuple(acceleration))
 
     def _move_by_jog(self, seconds: float, rates: Floats, until_s: float) -> None:
-        """Each joint towards its commanded rate, with constant acceleration."""
+        """Move each joint towards its commanded rate, with constant acceleration."""
         if not (self._allowed > 0.0 and self._time_s < until_s):
             self._jog, self._next = None, stand(self._halt())  # a command does not outlive a stop
             self._brake(seconds)
@@ -154,9 +161,9 @@ class Drives:
         self.now = JointPoint(tuple(position), tuple(velocity), tuple(acceleration))
 
     def _travel(self, seconds: float) -> None:
-        """On along the motion, or along the way back to it."""
+        """Advance along the motion, or along the way back to it."""
         if self._astray:
-            self._detour = swing(self.now.position, self._motion.at(self._motion_s).position, self.limits)
+            self._detour = joint_move(self.now.position, self._motion.at(self._motion_s).position, self.limits)
             self._detour_s, self._astray = 0.0, False
         if self._detour is not None:
             self._detour_s = self._follow(self._detour, self._detour_s, seconds)
@@ -166,7 +173,7 @@ class Drives:
             self._motion_s = self._follow(self._motion, self._motion_s, seconds)
 
     def _follow(self, motion: Motion, clock_s: float, seconds: float) -> float:
-        """Moves the joints along a motion whose time runs at `pace`; returns the new time of the motion."""
+        """Move the joints along a motion whose time runs at `pace`; returns the new time of the motion."""
         if self._pace == self._allowed == 1.0:
             self.now = motion.at(clock_s + seconds)
             return clock_s + seconds
@@ -192,7 +199,7 @@ class Drives:
         return ahead
 
     def _change_of_pace(self, at: JointPoint, seconds: float) -> float:
-        """Towards the allowed pace r, as far as |r^2 q'' + r' q'| keeps within every joint's limit."""
+        """Change the pace towards the allowed pace r, as far as |r^2 q'' + r' q'| stays within every joint's limit."""
         low, high = -inf, inf
         square = self._pace * self._pace
         for v, a, limit in zip(at.velocity, at.acceleration, self._gentle, strict=True):

@@ -1,4 +1,4 @@
-"""What a driver reads from the simulated robot: encoders and the efforts of the motors."""
+"""The simulated robot's readings: encoders, and the efforts of the motors."""
 
 from __future__ import annotations
 
@@ -8,17 +8,16 @@ from typing import NamedTuple
 
 from irsbot_kinematics import Mechanism, Posture, Status, statics
 from irsbot_kinematics.mechanism import Floats
-from irsbot_supervisor.core.motion import JointPoint
-
-from .errors import BadSetting
-from .joints import Drives
+from irsbot_supervisor.sim.errors import BadSetting
+from irsbot_supervisor.sim.joints import Drives
+from irsbot_supervisor.trajectory.joint_path import JointPoint
 
 STANDARD_GRAVITY = 9.80665
 """m/s2, ISO 80000-3."""
 
 
 class Payload:
-    """A mass at the platform point of a mechanism without mass; gravity is along -z where the task has a z."""
+    """A mass at the platform point of a massless mechanism; gravity acts along -z if the task has a z."""
 
     def __init__(self, mechanism: Mechanism, mass_kg: float, assembly: int) -> None:
         if not 0.0 <= mass_kg < float("inf"):
@@ -31,7 +30,7 @@ class Payload:
         self._inertia = tuple(0.0 if c.is_angle else mass_kg for c in mechanism.task)
 
     def efforts(self, joints: JointPoint) -> Floats:
-        """Motor efforts, N m or N: tau = -B R with A^T R + w = 0, w = m (g - a). NaN where they are not determined."""
+        """Motor efforts, N m or N: tau = -B R with A^T R + w = 0, w = m (g - a). NaN if they are not determined."""
         if self._before is None:
             at = self._mechanism.posture(joints.position, self._assembly)
         else:
@@ -59,7 +58,7 @@ class Encoder:
         self._random = random.Random(seed)
 
     def read(self, position: Floats) -> Floats:
-        """What the encoders say about joint positions."""
+        """Encoder readings of joint positions."""
         if self._noise > 0.0:
             position = tuple([self._random.gauss(value, self._noise) for value in position])
         if self._resolution > 0.0:
@@ -82,6 +81,6 @@ class Machine:
         self.drives, self._encoder, self._payload = drives, encoder, payload
 
     def step(self, seconds: float, allowed: float) -> Reading:
-        """Move on by a period (see `Drives.step`) and read the robot."""
+        """Advance by a period (see `Drives.step`) and read the robot."""
         joints = self.drives.step(seconds, allowed)
         return Reading(self._encoder.read(joints.position), joints.velocity, self._payload.efforts(joints))

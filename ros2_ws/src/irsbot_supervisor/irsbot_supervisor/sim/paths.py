@@ -6,16 +6,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from irsbot_kinematics.arithmetic import Array
-
-from .errors import BadPath
+from irsbot_kinematics.numerics.arithmetic import Array
+from irsbot_supervisor.sim.errors import BadPath
 
 
 class RoundedPath:
-    """Poses joined by straight pieces whose corners are rounded, as a twice continuously differentiable curve.
+    """Poses connected by straight pieces with rounded corners, as a twice continuously differentiable curve.
 
-    corners: (k, m) task coordinates, k >= 2. rounding_m: how far before and after a corner the rounding begins.
-    angle_m: the lever that turns rad of a task angle into m of path; 1 for the lengths, one per task coordinate.
+    corners: (k, m) task coordinates, k >= 2.
+    rounding_m: distance before and after a corner at which the rounding begins and ends.
+    angle_m: lever that converts rad of a task angle into m of path; 1 for lengths, one value per task coordinate.
     """
 
     def __init__(self, corners: Sequence[Sequence[float]], rounding_m: float, angle_m: Sequence[float]) -> None:
@@ -55,7 +55,7 @@ class RoundedPath:
 
 
 def _bend(u: Array) -> Array:
-    """From 0 to 1 with slope 2 at the end and without curvature at either end: joins straight pieces smoothly."""
+    """From 0 to 1 with slope 2 at the end and zero curvature at both ends: connects straight pieces smoothly."""
     return u * u * u * (2.0 - u)
 
 

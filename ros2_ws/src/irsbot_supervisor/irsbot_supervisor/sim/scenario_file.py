@@ -1,10 +1,10 @@
 """Scenarios as YAML.
 
     description: one line
-    expect: {stop: true, causes: [TYPE2, BRAKING]}   # what a supervisor must make of it; causes may be left out;
+    expect: {stop: true, causes: [TYPE2, BRAKING]}   # expected verdicts; causes may be left out;
                                                      # unknown: true or false where UNKNOWN must or must not come
                                                      # (left out: it may where a stop is expected, else it must not)
-    robots:                                          # the first is the default; an entry may replace what stands below
+    robots:                                          # the first is the default; an entry may replace the keys below
       irsbot2_beta45: {start: [0.0, -0.75]}
     cycle:                                           # repeated as a whole for `seconds`; ends where it begins
       - {by: [[0.0, 0.025], [0.305, 0.0], [0.0, -0.025]], rounding_m: 0.02, speed: 0.9}
@@ -35,11 +35,11 @@ import yaml
 from irsbot_kinematics import Robot
 from irsbot_kinematics.mechanism import Floats, Signs
 from irsbot_msgs_py.records import Cause
-
-from .errors import BadFault, BadScenario
-from .faults import parse_faults
-from .own_workspace import cycle_of, is_shipped, start_of
-from .scenarios import Expectation, Piece, Scenario, Stroke, Swing, Wait
+from irsbot_supervisor.replay.run_summary import ExpectedOutcome
+from irsbot_supervisor.sim.errors import BadFault, BadScenario
+from irsbot_supervisor.sim.faults import parse_faults
+from irsbot_supervisor.sim.own_workspace import cycle_of, is_shipped, start_of
+from irsbot_supervisor.sim.scenarios import JointMove, Piece, Scenario, TaskMove, Wait
 
 _FOR_ROBOT = {"expect", "start", "working_mode", "cycle", "seconds", "run", "faults"}
 _TOP = {"description", "robots", "elsewhere"} | _FOR_ROBOT
@@ -59,33 +59,33 @@ def scenario_names() -> tuple[str, ...]:
 
 
 def scenario_robots(name_or_path: str) -> tuple[str, ...]:
-    """Robots that a scenario has numbers for, the default first. Raises BadScenario."""
+    """Robots for which a scenario has numbers, the default first. Raises BadScenario."""
     return tuple(_read(name_or_path)[2]["robots"])
 
 
 def read_scenario(name_or_path: str, robot: Robot | None = None) -> Scenario:
-    """A shipped scenario by name, or one from a YAML file, for a robot; without one, for its default robot.
+    """A shipped scenario by name, or one from a YAML file, for a robot; if none is given, for its default robot.
 
-    A robot that the file does not name takes the entry of its topology; where the file says `elsewhere`, and the robot
-    is not the shipped one of that name, it works in its own workspace. Raises BadScenario.
+    A robot that the file does not name uses the entry of its topology. If the file has `elsewhere`, and the robot is
+    not the shipped one of that name, it moves in its own workspace. Raises BadScenario.
     """
-    name, place, said = _read(name_or_path)
-    robots: Mapping[str, Any] = said["robots"]
-    if robot is not None and "elsewhere" in said and not (robot.name in robots and is_shipped(robot)):
-        return _in_own_workspace(name, said, robot, place)
+    name, place, stated = _read(name_or_path)
+    robots: Mapping[str, Any] = stated["robots"]
+    if robot is not None and "elsewhere" in stated and not (robot.name in robots and is_shipped(robot)):
+        return _in_own_workspace(name, stated, robot, place)
     wanted = next(iter(robots)) if robot is None else robot.name
     entry = wanted if wanted in robots or robot is None else robot.mechanism.kind
     if entry not in robots:
         raise BadScenario(f"{place} has no robot '{wanted}'; it has {', '.join(robots)}")
     own = robots[entry] or {}
     _known(own, _FOR_ROBOT, f"{place}: robots.{entry}")
-    merged = {**{key: value for key, value in said.items() if key in _FOR_ROBOT}, **own}
+    merged = {**{key: value for key, value in stated.items() if key in _FOR_ROBOT}, **own}
     if "start" not in merged or not (merged.get("cycle") or merged.get("run")):
         raise BadScenario(f"{place}: robot '{entry}' needs start, and cycle or run")
     where = f"{place} for {entry}"
     return Scenario(
         name=name,
-        description=str(said.get("description", "")),
+        description=str(stated.get("description", "")),
         robot=wanted,
         expect=_expectation(merged.get("expect"), where),
         start=_vector(merged["start"], f"{where}: start"),
@@ -97,14 +97,14 @@ def read_scenario(name_or_path: str, robot: Robot | None = None) -> Scenario:
     )
 
 
-def _in_own_workspace(name: str, said: Mapping[str, Any], robot: Robot, place: str) -> Scenario:
-    what = said["elsewhere"]
+def _in_own_workspace(name: str, stated: Mapping[str, Any], robot: Robot, place: str) -> Scenario:
+    what = stated["elsewhere"]
     if what not in _ELSEWHERE:
         raise BadScenario(f"{place}: elsewhere is {what!r}, must be {' or '.join(_ELSEWHERE)}")
     start, cycle = (start_of(robot), ()) if what == "stand" else cycle_of(robot)
     run = () if cycle else (Wait(0.0),)
-    description = str(said.get("description", "")) if what == "stand" else "there and back about its roomiest posture"
-    expect = _expectation(said.get("expect"), place)
+    description = str(stated.get("description", "")) if what == "stand" else "there and back about its roomiest posture"
+    expect = _expectation(stated.get("expect"), place)
     return Scenario(
         name,
         description,
@@ -113,12 +113,12 @@ def _in_own_workspace(name: str, said: Mapping[str, Any], robot: Robot, place: s
         start,
         cycle=cycle,
         run=run,
-        faults=_faults(said.get("faults", ""), place),
+        faults=_faults(stated.get("faults", ""), place),
     )
 
 
 def _read(name_or_path: str) -> tuple[str, str, dict[str, Any]]:
-    """Its name, what messages call it, and what it says."""
+    """Its name, its name in messages, and its content."""
     path = Path(name_or_path)
     if path.suffix in (".yaml", ".yml"):
         try:
@@ -134,85 +134,85 @@ def _read(name_or_path: str) -> tuple[str, str, dict[str, Any]]:
     else:
         raise BadScenario(f"no scenario '{name_or_path}'; known are {', '.join(scenario_names())}, or give a YAML file")
     try:
-        said = yaml.safe_load(text)
+        stated = yaml.safe_load(text)
     except yaml.YAMLError as error:
         raise BadScenario(f"{place}: not YAML: {' '.join(str(error).split())}") from None
-    _known(said, _TOP, place)
-    if not isinstance(said.get("robots"), dict) or not said["robots"]:
+    _known(stated, _TOP, place)
+    if not isinstance(stated.get("robots"), dict) or not stated["robots"]:
         raise BadScenario(f"{place}: robots must name at least one robot")
-    return name, place, said
+    return name, place, stated
 
 
-def _known(said: Any, keys: set[str], where: str) -> None:
-    if not isinstance(said, dict):
+def _known(stated: Any, keys: set[str], where: str) -> None:
+    if not isinstance(stated, dict):
         raise BadScenario(f"{where}: expected a mapping with the keys {', '.join(sorted(keys))}")
-    if unknown := sorted(str(key) for key in said if key not in keys):
+    if unknown := sorted(str(key) for key in stated if key not in keys):
         raise BadScenario(f"{where}: unknown key '{unknown[0]}'; known are {', '.join(sorted(keys))}")
 
 
-def _pieces(said: Any, where: str) -> tuple[Piece, ...]:
-    if said is None:
+def _pieces(stated: Any, where: str) -> tuple[Piece, ...]:
+    if stated is None:
         return ()
-    if not isinstance(said, list):
+    if not isinstance(stated, list):
         raise BadScenario(f"{where}: expected a list of pieces")
-    return tuple(_piece(piece, f"{where}[{i}]") for i, piece in enumerate(said))
+    return tuple(_piece(piece, f"{where}[{i}]") for i, piece in enumerate(stated))
 
 
-def _piece(said: Any, where: str) -> Piece:
-    kinds = [kind for kind in _PIECES if isinstance(said, dict) and kind in said]
+def _piece(stated: Any, where: str) -> Piece:
+    kinds = [kind for kind in _PIECES if isinstance(stated, dict) and kind in stated]
     if len(kinds) != 1:
         raise BadScenario(f"{where}: a piece has exactly one of {', '.join(_PIECES)}")
     kind = kinds[0]
-    _known(said, _PIECES[kind] | {kind}, where)
+    _known(stated, _PIECES[kind] | {kind}, where)
     if kind == "wait":
-        return Wait(_number(said[kind], f"{where}: wait"))
-    speed = _number(said.get("speed", 1.0), f"{where}: speed")
+        return Wait(_number(stated[kind], f"{where}: wait"))
+    speed = _number(stated.get("speed", 1.0), f"{where}: speed")
     if kind == "swing_to":
-        return Swing(_vector(said[kind], where), _mode(said.get("working_mode"), where), speed)
-    if not isinstance(said[kind], list):
+        return JointMove(_vector(stated[kind], where), _mode(stated.get("working_mode"), where), speed)
+    if not isinstance(stated[kind], list):
         raise BadScenario(f"{where}: {kind} is a list of poses")
-    points = tuple(_vector(point, f"{where}: {kind}[{i}]") for i, point in enumerate(said[kind]))
-    return Stroke(points, kind == "by", _number(said.get("rounding_m", 0.0), f"{where}: rounding_m"), speed)
+    points = tuple(_vector(point, f"{where}: {kind}[{i}]") for i, point in enumerate(stated[kind]))
+    return TaskMove(points, kind == "by", _number(stated.get("rounding_m", 0.0), f"{where}: rounding_m"), speed)
 
 
-def _expectation(said: Any, where: str) -> Expectation:
-    _known(said, {"stop", "causes", "unknown"}, f"{where}: expect")
-    if not isinstance(said.get("stop"), bool):
-        raise BadScenario(f"{where}: expect.stop must be true or false, got {said.get('stop')!r}")
-    if not isinstance(said.get("unknown"), bool | None):
-        raise BadScenario(f"{where}: expect.unknown must be true or false, got {said['unknown']!r}")
+def _expectation(stated: Any, where: str) -> ExpectedOutcome:
+    _known(stated, {"stop", "causes", "unknown"}, f"{where}: expect")
+    if not isinstance(stated.get("stop"), bool):
+        raise BadScenario(f"{where}: expect.stop must be true or false, got {stated.get('stop')!r}")
+    if not isinstance(stated.get("unknown"), bool | None):
+        raise BadScenario(f"{where}: expect.unknown must be true or false, got {stated['unknown']!r}")
     causes = Cause.NONE
-    for name in said.get("causes") or ():
+    for name in stated.get("causes") or ():
         if name not in Cause.__members__:
             raise BadScenario(f"{where}: no cause '{name}'; known are {', '.join(Cause.__members__)}")
         causes |= Cause[name]
-    return Expectation(said["stop"], causes, said.get("unknown"))
+    return ExpectedOutcome(stated["stop"], causes, stated.get("unknown"))
 
 
-def _vector(said: Any, where: str) -> Floats:
-    if not isinstance(said, list):
-        raise BadScenario(f"{where}: expected a list of numbers, got {said!r}")
-    return tuple(_number(value, where, signed=True) for value in said)
+def _vector(stated: Any, where: str) -> Floats:
+    if not isinstance(stated, list):
+        raise BadScenario(f"{where}: expected a list of numbers, got {stated!r}")
+    return tuple(_number(value, where, signed=True) for value in stated)
 
 
-def _number(said: Any, where: str, *, signed: bool = False, endless: bool = False) -> float:
-    is_number = isinstance(said, (int, float)) and not isinstance(said, bool)
-    if is_number and (isfinite(said) or (endless and said > 0.0)) and (signed or said >= 0.0):
-        return float(said)
-    raise BadScenario(f"{where}: expected a {'' if signed else 'positive '}number, got {said!r}")
+def _number(stated: Any, where: str, *, signed: bool = False, endless: bool = False) -> float:
+    is_number = isinstance(stated, (int, float)) and not isinstance(stated, bool)
+    if is_number and (isfinite(stated) or (endless and stated > 0.0)) and (signed or stated >= 0.0):
+        return float(stated)
+    raise BadScenario(f"{where}: expected a {'' if signed else 'positive '}number, got {stated!r}")
 
 
-def _mode(said: Any, where: str) -> Signs | None:
-    if said is None:
+def _mode(stated: Any, where: str) -> Signs | None:
+    if stated is None:
         return None
-    if not isinstance(said, list) or any(type(sign) is not int or sign not in (-1, 1) for sign in said):
-        raise BadScenario(f"{where}: working_mode is a list of 1 and -1, got {said!r}")
-    return tuple(said)
+    if not isinstance(stated, list) or any(type(sign) is not int or sign not in (-1, 1) for sign in stated):
+        raise BadScenario(f"{where}: working_mode is a list of 1 and -1, got {stated!r}")
+    return tuple(stated)
 
 
-def _faults(said: Any, where: str) -> str:
+def _faults(stated: Any, where: str) -> str:
     try:
-        parse_faults(str(said))
+        parse_faults(str(stated))
     except BadFault as error:
         raise BadScenario(f"{where}: faults: {error}") from None
-    return str(said)
+    return str(stated)

@@ -1,4 +1,4 @@
-"""Scenarios: what a simulated robot is to do, whatever its mechanism, and the motion that comes of it."""
+"""Scenarios: a motion of a simulated robot, independent of the mechanism, and its plan in joint space."""
 
 from __future__ import annotations
 
@@ -7,26 +7,27 @@ from dataclasses import dataclass
 from math import floor, inf, remainder
 
 from irsbot_kinematics import Mechanism
-from irsbot_kinematics.arithmetic import FLOATS
 from irsbot_kinematics.mechanism import Floats, Signs, Status
-from irsbot_kinematics.tolerances import REACH_TOL_M
-from irsbot_msgs_py.records import Cause
-from irsbot_supervisor.core.motion import JointLimits, JointPath, Motion
-
-from .errors import BadPath, BadScenario
-from .paths import RoundedPath, corners_of
-from .trajectory import Course, nearest_turn, stand, stroke, swing
+from irsbot_kinematics.numerics.arithmetic import FLOATS
+from irsbot_kinematics.numerics.tolerances import REACH_TOL_M
+from irsbot_supervisor.replay.run_summary import ExpectedOutcome
+from irsbot_supervisor.sim.errors import BadPath, BadScenario
+from irsbot_supervisor.sim.paths import RoundedPath, corners_of
+from irsbot_supervisor.sim.trajectory import MotionSequence, joint_move, nearest_turn, stand, task_move
+from irsbot_supervisor.trajectory.joint_path import JointLimits, JointPath, Motion
 
 CYCLE_TOL = 1e-9
-"""rad or m: how far from its begin a cycle may end; far above the rounding of one cycle, invisible to any encoder."""
+"""rad or m: largest distance between begin and end of a cycle; far above the rounding of one cycle, too small for any
+encoder."""
 
 SAME_POSE = 1e-6
-"""m or rad: the direct kinematics gives a pose back to this; far above its rounding, far below any other assembly."""
+"""m or rad: accuracy with which the direct kinematics returns a pose; far above its rounding, far below the distance to
+other assembly modes."""
 
 
 @dataclass(frozen=True)
-class Stroke:
-    """Straight in task space along poses, or displacements if `relative`; corners rounded; from rest to rest."""
+class TaskMove:
+    """Straight lines in task space along poses, or displacements if `relative`; rounded corners; from rest to rest."""
 
     points: tuple[Floats, ...]
     relative: bool
@@ -35,8 +36,8 @@ class Stroke:
 
 
 @dataclass(frozen=True)
-class Swing:
-    """Straight in joint space to a pose in a working mode (None: the present one); from rest to rest."""
+class JointMove:
+    """A straight line in joint space to a pose in a working mode (None: the present one); from rest to rest."""
 
     pose: Floats
     working_mode: Signs | None = None
@@ -45,23 +46,12 @@ class Swing:
 
 @dataclass(frozen=True)
 class Wait:
-    """Standing still."""
+    """Rest."""
 
     seconds: float
 
 
-Piece = Stroke | Swing | Wait
-
-
-@dataclass(frozen=True)
-class Expectation:
-    """What a supervisor must make of a scenario."""
-
-    stop: bool
-    causes: Cause = Cause.NONE
-    """Any of these may be the reason of the stop; NONE: left open."""
-    unknown: bool | None = None
-    """Whether the level must become UNKNOWN during the work; None: it may, but only where a stop is expected."""
+Piece = TaskMove | JointMove | Wait
 
 
 @dataclass(frozen=True)
@@ -71,13 +61,13 @@ class Scenario:
     name: str
     description: str
     robot: str
-    expect: Expectation
+    expect: ExpectedOutcome
     start: Floats
     working_mode: Signs | None = None
     """None: the robot's usual mode."""
     cycle: tuple[Piece, ...] = ()
     seconds: float = inf
-    """How long the cycle is repeated: as often as it fits, at least once."""
+    """s for which the cycle is repeated: as often as it fits, at least once."""
     run: tuple[Piece, ...] = ()
     """Once, after the cycles."""
     faults: str = ""
@@ -85,7 +75,7 @@ class Scenario:
 
     @property
     def stands(self) -> bool:
-        """Whether the robot moves by command alone."""
+        """True if only commands move the robot."""
         return all(isinstance(piece, Wait) for piece in (*self.cycle, *self.run))
 
 
@@ -100,18 +90,18 @@ def plan(
     parts: list[tuple[Motion, float]] = [(stand(planner.joints), 1)]
     if scenario.cycle:
         begin = planner.joints
-        cycle = Course([(planner.drive(piece, f"cycle[{i}]"), 1) for i, piece in enumerate(scenario.cycle)])
+        cycle = MotionSequence([(planner.drive(piece, f"cycle[{i}]"), 1) for i, piece in enumerate(scenario.cycle)])
         gap = max(abs(a - b) for a, b in zip(begin, planner.joints, strict=True))
         if not gap <= CYCLE_TOL:
             raise BadScenario(f"{scenario.name}: the cycle ends {gap:.3g} rad or m from where it begins")
         wanted = (scenario.seconds if seconds is None else seconds) / cycle.duration_s
         parts.append((cycle, max(floor(wanted), 1) if wanted < inf else inf))
     parts += [(planner.drive(piece, f"run[{i}]"), 1) for i, piece in enumerate(scenario.run)]
-    return Course(parts)
+    return MotionSequence(parts)
 
 
 class _Planner:
-    """Strings pieces together: remembers where the robot is."""
+    """Connects pieces; remembers the position of the robot."""
 
     def __init__(self, scenario: Scenario, mechanism: Mechanism, limits: JointLimits, speed: float) -> None:
         self._name, self._mechanism, self._limits, self._speed = scenario.name, mechanism, limits, speed
@@ -121,7 +111,7 @@ class _Planner:
         self._check_assembly()
 
     def drive(self, piece: Piece, where: str) -> JointPath:
-        """The motion of a piece from where the robot is."""
+        """The motion of a piece from the present position."""
         try:
             path = self._drive(piece, where)
         except BadPath as error:
@@ -131,13 +121,14 @@ class _Planner:
         return path
 
     def _check_assembly(self) -> None:
-        """Encoders do not tell the assembly mode: a supervisor would believe in another pose than the true one."""
+        """Refuse another assembly mode than the configured one: encoders do not show it, and a supervisor would assume
+        a wrong pose."""
         usual = self._mechanism.usual_assembly_mode
         if self._begins_in(usual):
             return
         found = [mode for mode in self._mechanism.assembly_modes if self._begins_in(mode)]
-        said = f"in assembly mode {found[0]:+d}" if found else "in no assembly mode, at a Type 2 singularity"
-        text = f"the pose {self._pose} is {said}, the robot is configured for {usual:+d}"
+        stated = f"in assembly mode {found[0]:+d}" if found else "in no assembly mode, at a Type 2 singularity"
+        text = f"the pose {self._pose} is {stated}, the robot is configured for {usual:+d}"
         raise BadScenario(f"{self._name}: start: {text}; change the start, or usual.assembly_mode in the robot file")
 
     def _begins_in(self, assembly: int) -> bool:
@@ -158,17 +149,17 @@ class _Planner:
         if isinstance(piece, Wait):
             return stand(self.joints, piece.seconds)
         speed = piece.speed * self._speed
-        if isinstance(piece, Swing):
+        if isinstance(piece, JointMove):
             self._mode = piece.working_mode or self._mode
             self._pose = self._checked(piece.pose, where)
             goal = nearest_turn(self._mechanism, self._inverse(self._pose, self._mode, where), self.joints)
-            return swing(self.joints, goal, self._limits, speed)
+            return joint_move(self.joints, goal, self._limits, speed)
         points = [self._checked(point, where) for point in piece.points]
         corners = corners_of(self._pose, points) if piece.relative else [self._pose, *points]
         levers = [self._mechanism.length_m if axis.is_angle else 1.0 for axis in self._mechanism.task]
         self._pose = corners[-1]
         path = RoundedPath(corners, piece.rounding_m, levers)
-        return stroke(self._mechanism, path, self._mode, self.joints, self._limits, speed=speed)
+        return task_move(self._mechanism, path, self._mode, self.joints, self._limits, speed=speed)
 
     def _checked(self, pose: Sequence[float], where: str) -> Floats:
         axes = [f"{axis.name} [{axis.unit}]" for axis in self._mechanism.task]

@@ -1,4 +1,4 @@
-"""Everything that describes one simulated robot in one frozen object, and the machine made from it."""
+"""All settings of one simulated robot in one frozen object, and the machine built from it."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from math import isfinite
 from typing import Any
 
 from irsbot_kinematics import Robot
-from irsbot_supervisor.core.motion import JointLimits
-
-from .errors import BadSetting
-from .joints import Drives
-from .machine import Encoder, Machine, Payload
-from .scenario_file import read_scenario
-from .scenarios import Scenario, plan
+from irsbot_msgs_py.records import CONSUMER_TIMEOUT_S
+from irsbot_supervisor.sim.errors import BadSetting
+from irsbot_supervisor.sim.joints import Drives
+from irsbot_supervisor.sim.machine import Encoder, Machine, Payload
+from irsbot_supervisor.sim.scenario_file import read_scenario
+from irsbot_supervisor.sim.scenarios import Scenario, plan
+from irsbot_supervisor.trajectory.joint_path import JointLimits
 
 STANDING = "stand"
-"""The scenario that moves nothing."""
+"""The scenario without motion."""
 
 
 def _setting(default: Any, unit: str, text: str) -> Any:
@@ -26,30 +26,31 @@ def _setting(default: Any, unit: str, text: str) -> Any:
 
 @dataclass(frozen=True)
 class Simulation:
-    """Settings of the simulated joints. Field metadata: unit, text. One value of a per-joint setting counts for all."""
+    """Settings of the simulated joints. Field metadata: unit, text. One value of a per-joint setting applies to all
+    joints."""
 
     robot: str = _setting("irsbot2", "", "preset name or YAML file of the robot")
-    scenario: str = _setting("pick_and_place", "", "name or YAML file of what the robot does")
+    scenario: str = _setting("pick_and_place", "", "name or YAML file of the scenario")
     joint_names: tuple[str, ...] = _setting((), "", "names in JointState, robot order; empty: the robot's own")
-    velocity_limit: tuple[float, ...] = _setting((), "rad/s or m/s", "fastest motion of each joint")
+    velocity_limit: tuple[float, ...] = _setting((), "rad/s or m/s", "largest speed of each joint")
     acceleration_limit: tuple[float, ...] = _setting(
         (), "rad/s2 or m/s2", "of planned motion, each joint; empty: as braking"
     )
     deceleration_limit: tuple[float, ...] = _setting((), "rad/s2 or m/s2", "braking of each joint")
     speed: float = _setting(1.0, "1", "factor (0..1] on all speeds of the scenario")
-    cycle_s: float = _setting(0.0, "s", "how long the scenario's cycle is repeated; 0: as the scenario says")
-    start_delay_s: float = _setting(0.0, "s", "standing still at first, whatever the verdict")
-    listeners: int = _setting(0, "1", "subscriptions of the joint states that are waited for before the first sample")
+    cycle_s: float = _setting(0.0, "s", "time for which the cycle is repeated; 0: as in the scenario")
+    start_delay_s: float = _setting(0.0, "s", "rest before the motion begins")
+    listeners: int = _setting(0, "1", "number of subscriptions to wait for before the first sample")
     rate_hz: float = _setting(1000.0, "Hz", "samples per second, 1..20000")
-    latency_s: float = _setting(0.0, "s", "from a verdict's arrival to its effect on the drives")
+    latency_s: float = _setting(0.0, "s", "time from a verdict's arrival to its effect on the drives")
     obey: bool = _setting(True, "", "brake on STOP, UNKNOWN and silence; false: the supervisor is ignored")
     gated: bool = _setting(False, "", "commands come through the command gate, which also leads out of a STOP")
-    command_timeout_s: float = _setting(0.1, "s", "a commanded velocity counts for so long")
-    verdict_timeout_s: float = _setting(0.1, "s", "silence of the supervisor that means stop")
-    platform_mass_kg: float = _setting(1.0, "kg", "mass at the platform point, felt in the efforts")
+    command_timeout_s: float = _setting(0.1, "s", "time for which a commanded velocity is valid")
+    verdict_timeout_s: float = _setting(CONSUMER_TIMEOUT_S, "s", "silence of the supervisor that means stop")
+    platform_mass_kg: float = _setting(1.0, "kg", "mass at the platform point, included in the efforts")
     encoder_resolution: float = _setting(0.0, "rad or m", "step of the measured positions; 0: none")
     encoder_noise: float = _setting(0.0, "rad or m", "standard deviation of the measured positions")
-    seed: int = _setting(0, "", "of noise and faults")
+    seed: int = _setting(0, "", "seed of noise and faults")
 
     @property
     def period_s(self) -> float:

@@ -1,7 +1,7 @@
-"""Motions in joint space that respect the joints' limits.
+"""Motions in joint space within the joints' limits.
 
-A path is sampled, sent through the inverse kinematics of one working mode and unwrapped; a smooth time law is then
-stretched until no joint exceeds its velocity and acceleration limits anywhere between the samples either.
+A path is sampled, converted by the inverse kinematics of one working mode and unwrapped. A smooth time law is then
+stretched until no joint exceeds its velocity and acceleration limits, also between the samples.
 """
 
 from __future__ import annotations
@@ -16,26 +16,25 @@ from typing import Protocol
 import numpy as np
 
 from irsbot_kinematics import Mechanism
-from irsbot_kinematics.arithmetic import Array
 from irsbot_kinematics.batch import inverse_many
 from irsbot_kinematics.mechanism import Floats, Signs
-from irsbot_kinematics.tolerances import REACH_TOL_M
-from irsbot_supervisor.core.motion import JointLimits, JointPath, JointPoint, Motion, excess_of, peaks_of
-
-from .errors import BadPath
-from .paths import RoundedPath
+from irsbot_kinematics.numerics.arithmetic import Array
+from irsbot_kinematics.numerics.tolerances import REACH_TOL_M
+from irsbot_supervisor.sim.errors import BadPath
+from irsbot_supervisor.sim.paths import RoundedPath
+from irsbot_supervisor.trajectory.joint_path import JointLimits, JointPath, JointPoint, Motion, excess_of, peaks_of
 
 KNOTS = 257
 """Samples of one stroke; between them the joints move on cubics, whose limits are checked exactly."""
 
 RAMPS = (0.5, 0.4, 0.3, 0.2, 0.14, 0.1, 0.07, 0.05)
-"""Shares of the time spent on speeding up, and as much on slowing down, that are tried; the fastest law is taken."""
+"""Shares of the time for acceleration, and the same for deceleration, that are tried; the fastest law is used."""
 
 
-class Course:
-    """Motions one after another, each driven a number of times; the last may be driven for ever (`inf` times).
+class MotionSequence:
+    """Motions one after another, each repeated a number of times; the last may be repeated without end (`inf` times).
 
-    Every motion begins where the one before ends, and a repeated one ends where it begins.
+    Every motion begins at the end of the one before, and a repeated one ends where it begins.
     """
 
     def __init__(self, parts: Sequence[tuple[Motion, float]]) -> None:
@@ -52,7 +51,7 @@ class Course:
         return self._starts[-1]
 
     def at(self, time_s: float) -> JointPoint:
-        """Where the joints are after `time_s`."""
+        """Joint positions after `time_s`."""
         if not time_s < self.duration_s:
             last = self._parts[-1]
             return last.at(last.duration_s)
@@ -62,20 +61,20 @@ class Course:
 
 
 def stand(position: Floats, seconds: float = 0.0) -> JointPath:
-    """Standing still."""
+    """Rest."""
     rest = (0.0,) * len(position)
     if not seconds > 0.0:
         return JointPath((0.0,), (position,), (rest,))
     return JointPath((0.0, seconds), (position, position), (rest, rest))
 
 
-def swing(start: Floats, goal: Floats, limits: JointLimits, speed: float = 1.0) -> JointPath:
+def joint_move(start: Floats, goal: Floats, limits: JointLimits, speed: float = 1.0) -> JointPath:
     """From rest to rest on a straight line in joint space, at `speed` (0..1] of the fastest."""
     span = np.array(goal) - np.array(start)
     return _fastest(lambda share: np.array(start) + share[:, None] * span, limits, speed)
 
 
-def stroke(
+def task_move(
     mechanism: Mechanism, path: RoundedPath, mode: Signs, near: Floats, limits: JointLimits, *, speed: float = 1.0
 ) -> JointPath:
     """From rest to rest along a path in task space, in one working mode, at `speed` (0..1] of the fastest.
@@ -102,7 +101,7 @@ def stroke(
 
 
 def nearest_turn(mechanism: Mechanism, joints: Sequence[float], near: Floats) -> Floats:
-    """Joint positions with every angle moved by whole turns to where it is closest to `near`."""
+    """Joint positions with every angle moved by whole turns to be closest to `near`."""
     return tuple(
         float(_unwrapped(np.array([value]), start)[0]) if coordinate.is_angle else value
         for value, start, coordinate in zip(joints, near, mechanism.joints, strict=True)
@@ -138,7 +137,8 @@ def _fastest(joints: _Sampler, limits: JointLimits, speed: float) -> JointPath:
 
 
 def _time_law(t: Array, ramp: float) -> Array:
-    """Share of the way (0..1) after a share t of the time: the speed rises and falls as a smoothstep of length ramp."""
+    """Share of the path (0..1) after a share t of the time: the speed rises and falls as a smoothstep of length
+    ramp."""
     u, v = np.minimum(t / ramp, 1.0), np.minimum((1.0 - t) / ramp, 1.0)
     rising, falling = u * u * u * (1.0 - 0.5 * u), v * v * v * (1.0 - 0.5 * v)
     steady = np.clip(t - ramp, 0.0, 1.0 - 2.0 * ramp)

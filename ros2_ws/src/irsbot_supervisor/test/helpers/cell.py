@@ -26,7 +26,7 @@ from irsbot_kinematics import make_robot
 from irsbot_msgs_py.cdr import decode_verdict, encode_joint_state
 from irsbot_msgs_py.convert import state_record
 from irsbot_msgs_py.records import Floats, JointSample, Level, SingularityState, Verdict
-from irsbot_supervisor.suite import SUPERVISOR, Node, Suite, free_domain
+from irsbot_supervisor.processes.suite import SUPERVISOR, Node, Suite, free_domain
 
 PATIENCE_S = 120.0
 """Longest wait for anything: far more than it takes, on the slowest machine."""
@@ -101,14 +101,14 @@ class Wire:
         """Serve callbacks until something has happened."""
         deadline = time.monotonic() + PATIENCE_S
         while not happened():
-            said = [cell.verdicts[-1:] for cell in self.cells]
-            assert time.monotonic() < deadline, f"in vain: {what}; last verdicts {said}"
+            stated = [cell.verdicts[-1:] for cell in self.cells]
+            assert time.monotonic() < deadline, f"in vain: {what}; last verdicts {stated}"
             for cell in self.cells:
                 cell.suite.check()
             self.executor.spin_until_future_complete(Future(), timeout_sec=0.01)
 
     def close(self) -> None:
-        """Leave before the others do: Fast DDS may wait for ever otherwise (irsbot_msgs_py.deadline)."""
+        """Leave before the others do: Fast DDS may wait for ever otherwise (irsbot_msgs_py.process.exit_deadline)."""
         self.executor.shutdown()
         for cell in self.cells:
             cell.node.destroy_node()
@@ -228,6 +228,6 @@ class Cell:
             node.destroy_node()
 
     def _speak(self) -> None:
-        said = self.say(self.clock())
-        if said is not None:
-            self.joints.publish(encode_joint_state(said))
+        stated = self.say(self.clock())
+        if stated is not None:
+            self.joints.publish(encode_joint_state(stated))

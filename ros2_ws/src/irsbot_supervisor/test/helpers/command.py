@@ -1,4 +1,4 @@
-"""The command line in this process, as a shell sees it: exit code, standard output, standard error."""
+"""The command line as a shell sees it, in this process: exit code, standard output, standard error."""
 
 from __future__ import annotations
 
@@ -9,6 +9,12 @@ from typing import NamedTuple
 from unittest import mock
 
 from irsbot_supervisor.cli.app import main
+
+IRSBOT = [sys.executable, "-m", "irsbot_supervisor"]
+"""The command in a process of its own."""
+
+PATIENCE_S = 120.0
+"""s a test waits for an event on a busy machine."""
 
 
 class Said(NamedTuple):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-import irsbot_supervisor.settings_file
+import irsbot_supervisor.configuration.loading
 from irsbot_kinematics import Robot, make_robot
 from irsbot_kinematics.mechanism import Posture
 from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2
@@ -33,5 +33,5 @@ if __name__ == "__main__":
 
     from irsbot_supervisor.nodes.supervisor import main  # needs ROS 2, the fake does not
 
-    irsbot_supervisor.settings_file.robot_of = importable
+    irsbot_supervisor.configuration.loading.robot_of = importable
     sys.exit(main())

@@ -10,12 +10,12 @@ import numpy as np
 
 from irsbot_kinematics import Robot
 from irsbot_msgs_py.records import JointSample, Level
-from irsbot_supervisor.campaign import reachable
-from irsbot_supervisor.campaign.truth import limits
+from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.core.estimation.sample_interval import SETTLING
-from irsbot_supervisor.core.intake import S
-from irsbot_supervisor.core.pipeline import Supervisor
 from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.core.supervisor import Supervisor
+from irsbot_supervisor.validation.harness.oracle import limits
+from irsbot_supervisor.validation.in_process import reachable
 
 WINDOW = 24
 """Samples that the fake remembers."""
@@ -38,18 +38,18 @@ class FakeBoxSupervisor:
         settings, past = self._settings, self._samples
         self._begun_ns = self._begun_ns or sample.seen_ns
         if past:
-            self._gap_s = max(self._gap_s, (sample.seen_ns - past[-1].seen_ns) / S)
+            self._gap_s = max(self._gap_s, (sample.seen_ns - past[-1].seen_ns) / NS_PER_S)
         self._samples = past = [*past[-WINDOW:], sample]
-        stamps = np.array([one.stamp_ns - past[0].stamp_ns for one in past]) / S
+        stamps = np.array([one.stamp_ns - past[0].stamp_ns for one in past]) / NS_PER_S
         positions = np.array([one.position for one in past])
-        age_s = (sample.received_ns - sample.stamp_ns) / S
+        age_s = (sample.received_ns - sample.stamp_ns) / NS_PER_S
         unseen_s = age_s + self._gap_s + min(self._gap_s, reachable.JUDGING_S)
         low, high = reachable.boxes(stamps, positions, settings, unseen_s)
         at = self._robot.mechanism.posture(sample.position, settings.assembly_mode)
         least = reachable.least_margins(self._robot, settings, low[-1:], high[-1:], [at])[0]
         stop = limits(settings, "stop")
         kind = int(((least - stop) / stop).argmin())
-        waiting = sample.seen_ns - self._begun_ns < SETTLING * settings.stale_s * S
+        waiting = sample.seen_ns - self._begun_ns < SETTLING * settings.stale_s * NS_PER_S
         now = Level.STOP if least[kind] < stop[kind] else Level.OK
         if waiting:
             now = max(now, Level.UNKNOWN) if self.patient or now != Level.STOP else now
@@ -74,8 +74,8 @@ class FakeTimidSupervisor(Supervisor):
 class FakeLenientSupervisor(Supervisor):
     """The supervisor, whose every STOP is a warning."""
 
-    def step(self, event: Any) -> Any:
-        step = super().step(event)
+    def step(self, event: Any, report: bool = True) -> Any:
+        step = super().step(event, report)
         verdict = step.verdict
         if verdict is not None and verdict.level == Level.STOP:
             verdict = verdict._replace(level=Level.WARN)

@@ -12,7 +12,7 @@ from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from irsbot_msgs_py.records import Floats
-from irsbot_supervisor.core.pipeline import Supervisor
+from irsbot_supervisor.core.supervisor import Supervisor
 from irsbot_supervisor.nodes.gate import CommandGate
 
 PATIENCE_S = 120.0
@@ -22,17 +22,17 @@ class FakeNode:
     """Keeps what is published by topic, hands over what is sent."""
 
     def __init__(self) -> None:
-        self.said: dict[str, list[Any]] = {}
+        self.stated: dict[str, list[Any]] = {}
         self.hears: dict[str, Any] = {}
         self.log: list[str] = []
         self.spoke = Condition()
 
     def create_publisher(self, _kind: Any, topic: str, _qos: Any, **_more: Any) -> Any:
-        said = self.said.setdefault(topic, [])
+        stated = self.stated.setdefault(topic, [])
 
         def publish(message: Any) -> None:
             with self.spoke:
-                said.append(message)
+                stated.append(message)
                 self.spoke.notify_all()
 
         return SimpleNamespace(publish=publish, wait_for_all_acked=lambda _span: True)
@@ -45,6 +45,9 @@ class FakeNode:
             self.log.append(text)
 
         return SimpleNamespace(info=tell, warning=tell)
+
+    def get_clock(self) -> Any:
+        return SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=0))
 
 
 class Opened:
@@ -59,11 +62,11 @@ class Opened:
     @property
     def motions(self) -> list[int]:
         """Numbers of points of what was published; one, at rest, is a hold."""
-        return [len(message.points) for message in self.node.said["command_out"]]
+        return [len(message.points) for message in self.node.stated["command_out"]]
 
     def rates(self, *wanted: float) -> Floats:
         self.node.hears["velocity_in"](Float64MultiArray(data=wanted))
-        return tuple(self.node.said["velocity_out"][-1].data)
+        return tuple(self.node.stated["velocity_out"][-1].data)
 
     def go(self, goal: Floats, first_ns: int = 10**9, last_s: int = 2) -> None:
         """To the goal until `first_ns`, and stay there."""
@@ -76,9 +79,9 @@ class Opened:
         """What controllers that heard all of it do now: follow a trajectory, move at rates. They refused nothing."""
         joints = ("joint_1", "joint_2")
         trajectories, velocities = FakeTrajectoryController(joints), FakeVelocityController(len(joints))
-        for message in self.node.said["command_out"]:
+        for message in self.node.stated["command_out"]:
             trajectories.hear(message)
-        for message in self.node.said["velocity_out"]:
+        for message in self.node.stated["velocity_out"]:
             velocities.hear(message)
         assert trajectories.refused + velocities.refused == []
         return trajectories.follows, velocities.command

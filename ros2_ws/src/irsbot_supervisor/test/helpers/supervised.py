@@ -8,11 +8,12 @@ from typing import Any
 
 import irsbot_kinematics as irs
 from irsbot_msgs_py.records import Floats, JointSample, Reset, Tick
-from irsbot_supervisor.core.limits import settings_from
-from irsbot_supervisor.core.pipeline import Configure, Event, Step, Supervisor
+from irsbot_supervisor.configuration.feasibility import settings_from
+from irsbot_supervisor.configuration.loading import read_settings, robot_of, shipped_values
+from irsbot_supervisor.core.events import Configure, Event, Step
 from irsbot_supervisor.core.settings import Settings
-from irsbot_supervisor.replay import Chapter
-from irsbot_supervisor.settings_file import read_settings, robot_of, shipped_values
+from irsbot_supervisor.core.supervisor import Supervisor
+from irsbot_supervisor.replay.rejudge import Interval
 
 MS = 1_000_000
 """ns in a millisecond."""
@@ -100,10 +101,10 @@ def ready(robot: str = "irsbot2", pose: Sequence[float] = (0.0, -0.85), **change
     return supervisor, joints
 
 
-def story(steps: Iterable[Step]) -> list[Chapter]:
+def expectation(steps: Iterable[Step]) -> list[Interval]:
     """Every judgement that came into force, as a replay tells it."""
     return [
-        Chapter(turn.since_ns, turn.level, turn.causes, turn.latched, turn.event, "")
+        Interval(turn.since_ns, turn.level, turn.causes, turn.latched, turn.event, "")
         for step in steps
-        for turn in step.turns
+        for turn in step.transitions
     ]

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from irsbot_kinematics.algebra.engine import AlgebraError
-from irsbot_kinematics.algebra.exact import exact
 from irsbot_kinematics.algebra.manipulators import delta, planar, serial, spatial, two_dof
 from irsbot_kinematics.algebra.manipulators.shipped import of_robot, shipped_names
-from irsbot_kinematics.algebra.system import System
+from irsbot_kinematics.algebra.model.engine import AlgebraError
+from irsbot_kinematics.algebra.model.exact import exact
+from irsbot_kinematics.algebra.model.system import System
+from irsbot_kinematics.arguments import checked
 
 MAKERS: dict[str, Callable[..., System]] = {
     "3rpr": planar.rpr3,
@@ -32,10 +33,11 @@ MAKERS: dict[str, Callable[..., System]] = {
 
 
 def names() -> tuple[str, ...]:
-    """Names that `predefined` knows: the manipulators of [S4] first, then the shipped robots."""
+    """Names for `predefined`: the manipulators of [S4] first, then the shipped robots."""
     return (*MAKERS, *(name for name in shipped_names() if name not in MAKERS))
 
 
+@checked
 def predefined(name: str, **lengths: Any) -> System:
     """A manipulator by name; lengths as int, str, Fraction or short decimal replace the defaults, exactly.
 

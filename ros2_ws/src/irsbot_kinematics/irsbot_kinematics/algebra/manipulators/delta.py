@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-from irsbot_kinematics.algebra.engine import AlgebraError
-from irsbot_kinematics.algebra.exact import exact, square_root
-from irsbot_kinematics.algebra.system import Drawing, System
+from irsbot_kinematics.algebra.model.engine import AlgebraError
+from irsbot_kinematics.algebra.model.exact import exact, square_root
+from irsbot_kinematics.algebra.model.system import Drawing, System
 
 Vector = tuple[Fraction, Fraction, Fraction]
 X, Y, Z = (
@@ -40,7 +40,7 @@ def delta_system(
     description: str = "",
     unit: str = "",
 ) -> System:
-    """The system of three rails; directions need to be unit vectors up to the rounding of their coordinates."""
+    """The system of three rails; directions must be unit vectors up to the rounding of their coordinates."""
     length = exact(rod, "L")
     if not length > 0:
         raise AlgebraError(f"L must be positive, got {length}")

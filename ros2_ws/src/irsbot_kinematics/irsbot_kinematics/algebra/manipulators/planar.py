@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-from irsbot_kinematics.algebra.engine import AlgebraError
-from irsbot_kinematics.algebra.exact import angle_pair, exact, square_root
-from irsbot_kinematics.algebra.system import Drawing, System
+from irsbot_kinematics.algebra.model.engine import AlgebraError
+from irsbot_kinematics.algebra.model.exact import angle_pair, exact, square_root
+from irsbot_kinematics.algebra.model.system import Drawing, System
 
 POINT_DIGITS = 40
 """1: digits after the point of rationalised square roots."""

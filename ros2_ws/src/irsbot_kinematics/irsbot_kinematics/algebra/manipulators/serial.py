@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from irsbot_kinematics.algebra.system import Drawing, System
+from irsbot_kinematics.algebra.model.system import Drawing, System
 
 
 @dataclass(frozen=True)

@@ -1,16 +1,17 @@
-"""From every shipped robot to its system: the same closure equations, lengths as its file prints them."""
+"""Systems of the shipped robots: the same closure equations, with the lengths of their files."""
 
 from __future__ import annotations
 
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
-from irsbot_kinematics.algebra.engine import AlgebraError
-from irsbot_kinematics.algebra.exact import square_root, stored
 from irsbot_kinematics.algebra.manipulators.delta import delta_system
 from irsbot_kinematics.algebra.manipulators.planar import POINT_DIGITS, Leg, PlanarLegs, planar_drawing
 from irsbot_kinematics.algebra.manipulators.two_dof import five_bar_drawing
-from irsbot_kinematics.algebra.system import System
+from irsbot_kinematics.algebra.model.engine import AlgebraError
+from irsbot_kinematics.algebra.model.exact import square_root, stored
+from irsbot_kinematics.algebra.model.system import System
+from irsbot_kinematics.arguments import instance
 
 if TYPE_CHECKING:
     from irsbot_kinematics.mechanism import Mechanism
@@ -26,7 +27,8 @@ def shipped_names() -> tuple[str, ...]:
 
 
 def of_robot(robot: Robot) -> System:
-    """The system of a robot, shipped or from a file. Raises AlgebraError for a mechanism without equations here.
+    """The system of a robot, shipped or from a file. Raises AlgebraError for a mechanism without equations in this
+    package.
 
     Lengths are the shortest decimals that print the floats; sines of 30 and 60 deg are rationalised to 40 digits.
     """
@@ -36,8 +38,9 @@ def of_robot(robot: Robot) -> System:
     from irsbot_kinematics.mechanisms.rrr3_base import Rrr3Base
     from irsbot_kinematics.mechanisms.ruu4 import Ruu4
     from irsbot_kinematics.mechanisms.sliding_platform import SlidingPlatform
+    from irsbot_kinematics.robot import Robot
 
-    mechanism = robot.mechanism
+    mechanism = instance(robot, "robot", Robot, "a Robot; see make_robot").mechanism
     if isinstance(mechanism, PlanarPair):
         return _pair(robot.name, mechanism)
     if isinstance(mechanism, DeltaFamily):

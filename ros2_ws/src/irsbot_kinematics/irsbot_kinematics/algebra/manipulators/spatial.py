@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-from irsbot_kinematics.algebra.engine import AlgebraError
-from irsbot_kinematics.algebra.exact import exact, square_root
 from irsbot_kinematics.algebra.manipulators.planar import POINT_DIGITS
-from irsbot_kinematics.algebra.system import System
+from irsbot_kinematics.algebra.model.engine import AlgebraError
+from irsbot_kinematics.algebra.model.exact import exact, square_root
+from irsbot_kinematics.algebra.model.system import System
 
 R = {
     "11": "(a^2 + b^2 - c^2 - d^2)", "12": "(2*(b*c - a*d))", "13": "(2*(b*d + a*c))",
@@ -49,7 +49,7 @@ class UprightRods:
     """Structure of a 3-PRS: carriage i at (radius, height) in its upright plane, one of the two driven."""
 
     radius: Fraction | None
-    """Of the carriages; None where it is driven."""
+    """Radius of the carriages; None if it is actuated."""
     rod: Fraction
     platform: Fraction
 

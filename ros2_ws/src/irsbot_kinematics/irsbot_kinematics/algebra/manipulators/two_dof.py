@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from irsbot_kinematics.algebra.system import Drawing, System
+from irsbot_kinematics.algebra.model.system import Drawing, System
 
 
 def rprrp(h: Any = "1/2", L: Any = 2) -> System:

@@ -1,4 +1,4 @@
-"""What is known of the joints after a sample."""
+"""State of the joints after a sample."""
 
 from __future__ import annotations
 
@@ -15,14 +15,15 @@ class Speeds(NamedTuple):
 
 
 class Silence(NamedTuple):
-    """Where the joints may have been between two samples that are farther apart than the braking path reaches."""
+    """Region in which the joints may have been between two samples that are farther apart than the stopping prediction
+    covers."""
 
     low: Floats  # rad or m
     high: Floats
 
 
 class Estimate(NamedTuple):
-    """Where the joints are, how fast they may move, and when the next sample will have been judged."""
+    """Positions of the joints, bounds of their speeds, and the latest time at which the next sample is judged."""
 
     stamp_ns: int
     received_ns: int
@@ -30,12 +31,14 @@ class Estimate(NamedTuple):
     position: Floats  # rad or m, as measured
     velocity: Floats  # rad/s or m/s: as reported where positions allow it, else from positions; NaN if neither is known
     effort: Floats  # N m or N; empty when not measured
-    speeds: Speeds  # certain
+    speeds: Speeds  # certified bounds
     degraded: str = ""  # empty, or which statement about the message is not true
-    ahead_s: float = 0.0  # s that the robot goes on unseen: the age of the sample, and until the next has been judged
-    expected_s: float = 0.0  # s of these until the next sample has come and been judged
+    prediction_delay_s: float = (
+        0.0  # s: prediction delay without latency: age of the sample, and time until the next is judged
+    )
+    expected_s: float = 0.0  # s: the part until the next sample has come and is judged
     steady_s: float = 0.0  # s for which samples have come without a silence; infinite if there was none
     standing_s: float = 0.0  # s for which no joint has moved faster than the standstill speed
-    branch_lost: str = ""  # empty, or why nobody knows the branch from this sample on
-    silence: Silence | None = None  # what has to be free of Type 2 if the branch is to be known still
-    in_time_s: float | None = None  # where samples have come late: `ahead_s` if they came as they are sent now
+    branch_lost: str = ""  # empty, or why the branch is unknown from this sample on
+    silence: Silence | None = None  # region that must be free of Type 2 for the branch to be known
+    in_time_s: float | None = None  # if samples have come late: `prediction_delay_s` if they came as they are sent now

@@ -1,4 +1,4 @@
-"""Accepted samples in, estimates out: the detectors and the observer in their order."""
+"""From accepted samples to estimates: runs the detectors and the observer in their order."""
 
 from __future__ import annotations
 
@@ -6,22 +6,24 @@ from typing import NamedTuple
 
 from irsbot_kinematics.mechanism import Coordinate
 from irsbot_msgs_py.records import Cause, Floats
+from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.core.estimation.clock_steps import passed_s, stamped_s, step_ns, was_set
 from irsbot_supervisor.core.estimation.estimate import Estimate, Silence, Speeds
 from irsbot_supervisor.core.estimation.frozen import Frozen, Suspicion
 from irsbot_supervisor.core.estimation.jumps import Jumps
 from irsbot_supervisor.core.estimation.observer import Observer, excess
 from irsbot_supervisor.core.estimation.reported import Reported
-from irsbot_supervisor.core.estimation.sample_interval import Gaps, SecondLargest
-from irsbot_supervisor.core.intake import Accepted, Rejected, S
-from irsbot_supervisor.core.reach import Reach
+from irsbot_supervisor.core.estimation.sample_interval import SampleIntervals, SecondLargest
+from irsbot_supervisor.core.reachable_box import ReachableBox
 from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.core.validation import Accepted, Rejected
 
 JUDGING_S = 0.005
-"""s: judging a sample takes no longer, if there is so much time between two: the work for one sample is bounded."""
+"""s: assumed longest time to judge a sample, or the sample interval if that is shorter
+(docs/explanation/guarantee.md)."""
 
-LEAD_NS = 10 * S
-"""ns for which it is remembered at least that a sender's clock is ahead of ours."""
+LEAD_NS = 10 * NS_PER_S
+"""ns: least time for which a lead of the sender's clock is remembered."""
 
 HARD = "a joint speeds up faster than acceleration_limit, or stamps are off by more than stamp_jitter_s"
 JUMPED = "a joint jumped farther than it can move"
@@ -29,41 +31,42 @@ CERTAIN = Suspicion()
 
 
 class Wait(NamedTuple):
-    """Time until the next sample has come and been judged."""
+    """Time until the next sample has come and is judged."""
 
     expected_s: float
-    usual_s: float  # as the sender goes on now
-    late: bool  # whether samples have come more rarely than that
+    usual_s: float  # at the present interval of the sender
+    late: bool  # True if samples have come more rarely than that
     rare: bool  # and more rarely than heartbeats
 
 
 class Estimator:
-    """Keeps the last good samples."""
+    """Estimates of one robot; keeps the last good samples."""
 
     def __init__(self, settings: Settings, joints: tuple[Coordinate, ...]) -> None:
-        self._gaps, self._leads = Gaps(), SecondLargest()
+        self._intervals, self._leads = SampleIntervals(), SecondLargest()
         self._observer, self._reported = Observer(settings, joints), Reported(settings, joints)
         self._jumps, self._frozen = Jumps(settings, joints), Frozen(settings, joints)
         self._turns = tuple(joint.turn for joint in joints)
         self._last: Estimate | None = None
         self._before: Estimate | None = None  # the one before the last
-        self._rest: Floats = ()  # from where no joint has moved faster than the standstill speed
-        self._rest_ns = 0  # and since when it has been there
-        self._stood_ns = 0  # since when no joint has moved faster
+        self._rest: Floats = ()  # positions since which no joint has moved faster than the standstill speed
+        self._rest_ns = 0  # and the time of these positions
+        self._stood_ns = 0  # time since which no joint has moved faster
         self.configure(settings)
 
     def configure(self, settings: Settings) -> None:
-        """New limits; the last sample, and when samples have come, stay known."""
+        """Take in new limits; the last sample and the learned sample interval are kept."""
         self._stale_s, self._heartbeat_s, self._latency_s = settings.stale_s, settings.heartbeat_s, settings.latency_s
         self._settings, self._recovery = settings, settings.recovery_share
         self._slow, self._step = settings.standstill_speed, 2.0 * settings.encoder_resolution
-        self._reach = Reach(settings)
-        self._gaps.configure(settings.stale_s, settings.sample_gap_s, settings.heartbeat_s)
+        self._box = ReachableBox(settings)
+        self._intervals.configure(settings.stale_s, settings.sample_gap_s, settings.heartbeat_s)
         for part in (self._observer, self._reported, self._jumps, self._frozen):
             part.configure(settings)
 
     def update(self, sample: Accepted, held: bool = False) -> Estimate | Rejected:
-        """The estimate for a sample, or why the sample contradicts the motion so far. held: a stop is in force."""
+        """The estimate for a sample, or the reason why the sample contradicts the earlier motion. held: a stop is in
+        force."""
         last, jumps = self._last, self._jumps
         if last is None:
             return self._anew(sample, Wait(0.0, 0.0, False, False))
@@ -75,18 +78,20 @@ class Estimator:
         passed, stamped = passed_s(sample, last), stamped_s(sample, last)
         clock_set = was_set(stamped, passed, self._stale_s)
         span = passed if clock_set else max(passed, stamped)
-        if not jumps.away and self._last_was_wrong(sample, last, span):
+        moved = jumps.moved(sample.position, last.position)
+        too_far = jumps.too_far(moved, span)
+        if too_far and not jumps.away and self._last_was_wrong(sample):
             assert self._before is not None
             expected = self._expected(sample, passed, passed)
             self._observer.without_last(self._before.speeds)
             speeds = self._observer.update(sample.stamp_ns, sample.position)
             return self._anew(sample, expected, HARD) if speeds is None else self._keep(sample, speeds, expected, HARD)
-        if fault := jumps.fault(sample, last, span):
-            if passed > self._stale_s:  # no glitch: it stays there
+        if fault := jumps.fault(sample, last, moved, too_far, span):
+            if passed > self._stale_s:  # not a glitch: the joint stays there
                 return self._anew(sample, self._expected(sample, passed, passed), branch_lost=JUMPED)
             return Rejected(Cause.IMPLAUSIBLE, fault)
         sent = passed if clock_set else stamped  # s between two samples for the sender
-        suspicion = self._frozen.look(sample, jumps.moved(sample.position, last.position), sent)
+        suspicion = self._frozen.look(sample, moved, sent)
         if suspicion.fault:
             return Rejected(Cause.IMPLAUSIBLE, suspicion.fault)
         expected = self._expected(sample, passed, sent)
@@ -97,11 +102,14 @@ class Estimator:
             return self._anew(sample, expected, HARD, suspicion=suspicion)
         return self._keep(sample, speeds, expected, suspicion=suspicion)
 
-    def in_time(self, estimate: Estimate, ahead_s: float) -> Speeds:
+    def in_time(self, estimate: Estimate, prediction_delay_s: float) -> Speeds:
         """The speeds as the observer would bound them if samples came as they are sent now and the joints moved as they
-        seem to. ahead_s: `in_time_s` of the estimate. Nothing is certain of it: it tells a robot in danger from one
-        that is seen too rarely."""
-        usual_s = ahead_s - (estimate.ahead_s - estimate.expected_s)
+        appear to. These speeds are not certified: they distinguish a robot in danger from one whose samples come too
+        rarely.
+
+        prediction_delay_s: `in_time_s` of the estimate.
+        """
+        usual_s = prediction_delay_s - (estimate.prediction_delay_s - estimate.expected_s)
         joints = list(zip(estimate.velocity, *estimate.speeds, excess(self._settings, 0.5 * usual_s), strict=True))
         forward = [min(up, max(rate, 0.0) + e) if rate == rate else up for rate, up, _down, e in joints]
         backward = [min(down, max(-rate, 0.0) + e) if rate == rate else down for rate, _up, down, e in joints]
@@ -109,50 +117,50 @@ class Estimator:
 
     @staticmethod
     def _moved(estimate: Estimate, step: int) -> Estimate:
-        """The same by a clock that was set."""
+        """The estimate by a clock that was set by `step` ns."""
         return estimate._replace(stamp_ns=estimate.stamp_ns + step, received_ns=estimate.received_ns + step)
 
-    def _last_was_wrong(self, sample: Accepted, last: Estimate, span_s: float) -> bool:
-        """Whether a sample that cannot follow the last one follows the one before it: then the last was stamped late,
+    def _last_was_wrong(self, sample: Accepted) -> bool:
+        """True if a sample that cannot follow the last one follows the one before it: then the last was stamped late,
         by a sender that was interrupted between reading and stamping."""
         before = self._before
-        if before is None or not self._jumps.too_far(self._jumps.moved(sample.position, last.position), span_s):
+        if before is None:
             return False
-        span = max((sample.stamp_ns - before.stamp_ns) / S, passed_s(sample, before))
+        span = max((sample.stamp_ns - before.stamp_ns) / NS_PER_S, passed_s(sample, before))
         if not 0.0 < span <= self._stale_s:
             return False
-        ahead, back = self._reach.going(before.speeds, span)
+        ahead, back = self._box.going(before.speeds, span)
         moved = self._jumps.moved(sample.position, before.position)
-        errors = self._reach.errors
+        errors = self._box.errors
         joints = zip(moved, ahead, back, errors, strict=True)
         return all(-down - 2.0 * e <= way <= up + 2.0 * e for way, up, down, e in joints)
 
     def _expected(self, sample: Accepted, passed_s: float, stamped_s: float) -> Wait:
-        interval = self._gaps.expected(sample.seen_ns, passed_s, stamped_s)
+        interval = self._intervals.expected(sample.seen_ns, passed_s, stamped_s)
         longest_s, usual_s = interval.longest_s, interval.usual_s
         return Wait(longest_s + min(longest_s, JUDGING_S), usual_s + min(usual_s, JUDGING_S), *interval[2:])
 
     def _unseen(self, sample: Accepted, since: Estimate, held: bool) -> Silence | None:
-        """Where joints have been that went unseen since an earlier sample; None if that was no silence.
+        """Region in which the joints may have been since an earlier sample; None if there was no silence.
 
-        They brake as soon as the silence is known to be one. On the way from one end to the other no joint is farther
-        beyond them than half of what its way was longer, unless it may have gone the other way round. A robot that
-        stood at a stop stays there, but for motion at recovery speed.
+        The joints brake as soon as the silence is noticed. Between its two end positions, no joint was farther beyond
+        them than half of the difference between the longest possible path and their distance, unless it may have turned
+        the other way. A robot that stood at a stop stays there, except for motion at recovery speed.
         """
-        passed, age_s = passed_s(sample, since), since.ahead_s - since.expected_s  # the age when it came
+        passed, age_s = passed_s(sample, since), since.prediction_delay_s - since.expected_s  # the age when it came
         if passed <= self._stale_s:
             return None
         free_s = age_s + min(passed, self._stale_s + self._heartbeat_s) + self._latency_s
         if held and since.standing_s >= self._stale_s:
-            ways = [self._recovery * fastest for fastest in self._reach.longest(free_s)]
-            moved, errors = self._jumps.moved(sample.position, since.position), self._reach.errors
+            ways = [self._recovery * fastest for fastest in self._box.longest(free_s)]
+            moved, errors = self._jumps.moved(sample.position, since.position), self._box.errors
             rows = list(zip(since.position, moved, ways, errors, strict=True))
-            lowest = tuple([q + min(step, 0.0) - way - e for q, step, way, e in rows])
-            return Silence(lowest, tuple([q + max(step, 0.0) + way + e for q, step, way, e in rows]))
-        ahead, back = self._reach.until_rest(since.speeds, free_s)
-        moved, longest = self._jumps.moved(sample.position, since.position), self._reach.longest(age_s + passed)
+            smallest_margins = tuple([q + min(step, 0.0) - way - e for q, step, way, e in rows])
+            return Silence(smallest_margins, tuple([q + max(step, 0.0) + way + e for q, step, way, e in rows]))
+        ahead, back = self._box.until_rest(since.speeds, free_s)
+        moved, longest = self._jumps.moved(sample.position, since.position), self._box.longest(age_s + passed)
         low, high = [], []
-        joints = zip(since.position, moved, ahead, back, longest, self._turns, self._reach.errors, strict=True)
+        joints = zip(since.position, moved, ahead, back, longest, self._turns, self._box.errors, strict=True)
         for q, way, up, down, most, turn, e in joints:
             beyond = max(0.5 * (most - abs(way)), 0.0) if most + abs(way) < turn - 2.0 * e else most
             low.append(q + max(min(way, 0.0) - beyond, min(-down, way)) - e)
@@ -168,7 +176,7 @@ class Estimator:
         silence: Silence | None = None,
         suspicion: Suspicion = CERTAIN,
     ) -> Estimate:
-        """Positions and stamps before the sample tell no velocities."""
+        """Estimate without history: positions and stamps before the sample are not used for velocities."""
         self._jumps.restart()
         if not degraded:
             self._reported.restart()
@@ -195,11 +203,11 @@ class Estimator:
         if suspicion.speeds:  # a joint whose position may be frozen may move as it says
             speeds = Speeds(
                 tuple(map(max, speeds.forward, suspicion.speeds)),
-                tuple([max(speed, -said) for speed, said in zip(speeds.backward, suspicion.speeds, strict=True)]),
+                tuple([max(speed, -stated) for speed, stated in zip(speeds.backward, suspicion.speeds, strict=True)]),
             )
-        age_s = age / S if age > 0 else 0.0
+        age_s = age / NS_PER_S if age > 0 else 0.0
         standing_s = 0.0 if suspicion.speeds else self._standing_s(sample)
-        # Of a robot that moves, what jitters within a heartbeat is no excuse.
+        # For a moving robot, jitter within a heartbeat does not count as late samples.
         excused = wait.rare or (wait.late and standing_s >= self._stale_s)
         estimate = Estimate(
             sample.stamp_ns,
@@ -212,7 +220,7 @@ class Estimator:
             degraded or velocities.fault,
             wait.expected_s + age_s,
             wait.expected_s,
-            self._gaps.steady_s(sample.seen_ns),
+            self._intervals.steady_s(sample.seen_ns),
             standing_s,
             branch_lost or suspicion.branch_lost,
             silence,
@@ -222,14 +230,14 @@ class Estimator:
         return estimate
 
     def _standing_s(self, sample: Accepted) -> float:
-        """s for which no joint has moved faster than the standstill speed, by what is reported and by its positions:
-        from where it was `stale_s` ago or less."""
-        now_ns, since_s = sample.seen_ns, (sample.seen_ns - self._rest_ns) / S
+        """s for which no joint has moved faster than the standstill speed, by its reported velocity and by its
+        positions over at most the last `stale_s`."""
+        now_ns, since_s = sample.seen_ns, (sample.seen_ns - self._rest_ns) / NS_PER_S
         if self._rest and not any(abs(rate) > self._slow for rate in sample.velocity):
             most = self._slow * since_s + self._step
             if all(-most <= way <= most for way in self._jumps.moved(sample.position, self._rest)):
                 if since_s > self._stale_s:
                     self._rest, self._rest_ns = sample.position, now_ns
-                return (now_ns - self._stood_ns) / S
+                return (now_ns - self._stood_ns) / NS_PER_S
         self._rest, self._rest_ns, self._stood_ns = sample.position, now_ns, now_ns
         return 0.0

@@ -1,7 +1,7 @@
-"""Frozen encoders: a position that stands still while the message reports one long motion.
+"""Detects frozen encoders: a position that stands still while the message reports motion.
 
-Only the message can tell: its velocities come from another place than its positions, or from a filter that runs on.
-A filter lags behind a stop, so what it reports after a stop is allowed for.
+Only the message shows this: its velocities have another source than its positions, or a filter that continues. A filter
+lags behind a stop, so the velocities reported after a stop are allowed for.
 """
 
 from __future__ import annotations
@@ -11,16 +11,17 @@ from typing import NamedTuple
 
 from irsbot_kinematics.mechanism import Coordinate
 from irsbot_msgs_py.records import Floats
-from irsbot_supervisor.core.intake import Accepted, S
+from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.core.settings import OVERSPEED, Settings
+from irsbot_supervisor.core.validation import Accepted
 
 FROZEN_S = 0.02
-"""s: a position that stands still this long while the message reports motion is frozen. Filtered velocities lag behind
-less, so that what they report after a stop is less than a joint at full braking goes in this time."""
+"""s: a position that stands still this long while the message reports motion is frozen. Filtered velocities lag by
+less: the motion that they report after a stop is less than the path of a joint at full braking in this time."""
 
 RESTED_S = 1.0
-"""s: an encoder that was frozen and still stands although the message has reported rest for so long may be sound, as
-after a stop that was faster than the filter of the velocities; or it may not. An operator can look."""
+"""s: after this time of reported rest, an encoder that was frozen and still stands may be sound (a stop that was faster
+than the filter of the velocities) or not. An operator has to look."""
 
 
 class _Still(NamedTuple):
@@ -28,11 +29,11 @@ class _Still(NamedTuple):
 
     where: float  # rad or m
     since_ns: int  # since when it stands; of a frozen one since when the message reports rest
-    way: float  # rad or m: what the message has reported meanwhile; infinite once it is frozen
+    way: float  # rad or m: motion that the message has reported in this time; infinite once it is frozen
 
 
 class Suspicion(NamedTuple):
-    """What is to be thought of the positions of a sample."""
+    """Doubts about the positions of a sample."""
 
     fault: str = ""  # why they are no knowledge
     branch_lost: str = ""  # why nobody knows the branch any more
@@ -40,7 +41,7 @@ class Suspicion(NamedTuple):
 
 
 class Frozen:
-    """Looks at one sample after the other."""
+    """Examines one sample after the other."""
 
     def __init__(self, settings: Settings, joints: tuple[Coordinate, ...]) -> None:
         self._turns = tuple(joint.turn for joint in joints)
@@ -48,24 +49,24 @@ class Frozen:
         self.configure(settings)
 
     def configure(self, settings: Settings) -> None:
-        """New limits; what stands still is remembered."""
+        """Take in new limits; positions that stand still are remembered."""
         self._names = settings.joint_names
         self._slow, self._step = settings.standstill_speed, 2.0 * settings.encoder_resolution
         self._fastest = tuple(OVERSPEED * speed for speed in settings.velocity_limit)
         self._most = tuple([0.5 * d * FROZEN_S * FROZEN_S + self._step for d in settings.deceleration_limit])
-        self._stale_ns = round(settings.stale_s * S)
+        self._stale_ns = round(settings.stale_s * NS_PER_S)
 
     def restart(self) -> None:
-        """Nothing before counts."""
+        """Forget all earlier samples."""
         self._still = {}
 
     def look(self, sample: Accepted, moved: Floats, dt: float) -> Suspicion:
-        """What is to be thought of a sample whose positions `moved` (rad or m) in `dt` s since the last."""
-        said = sample.velocity
-        if not said or (not self._still and all(abs(step) > self._step for step in moved)):
+        """Doubts about a sample whose positions changed by `moved` (rad or m) in `dt` s since the last one."""
+        stated = sample.velocity
+        if not stated or (not self._still and all(abs(step) > self._step for step in moved)):
             return Suspicion()
         lost, fault, speeds = "", "", [0.0] * len(moved)
-        for k, (step, rate, fastest) in enumerate(zip(moved, said, self._fastest, strict=True)):
+        for k, (step, rate, fastest) in enumerate(zip(moved, stated, self._fastest, strict=True)):
             now, still = sample.position[k], self._still.pop(k, None)
             before = still or _Still(now - step, sample.seen_ns, 0.0)
             if (
@@ -75,7 +76,7 @@ class Frozen:
             moves = isfinite(rate) and self._slow < abs(rate) <= fastest
             if before.way == inf:
                 since_ns = sample.seen_ns if moves else before.since_ns
-                if sample.seen_ns - since_ns > RESTED_S * S:
+                if sample.seen_ns - since_ns > RESTED_S * NS_PER_S:
                     lost = f"joint '{self._names[k]}' may have moved while its position was frozen"
                     continue
                 self._still[k] = before._replace(since_ns=since_ns)
@@ -89,7 +90,7 @@ class Frozen:
             self._still[k] = before._replace(way=way)
             speeds[k] = rate if moves else 0.0
             still_ns = sample.seen_ns - before.since_ns
-            long_way = abs(way) > most and still_ns > FROZEN_S * S
+            long_way = abs(way) > most and still_ns > FROZEN_S * NS_PER_S
             if long_way or (abs(way) > 2.0 * self._step and moves and still_ns > self._stale_ns):
                 self._still[k] = _Still(before.where, sample.seen_ns, inf)
                 fault = fault or self._frozen(k)

@@ -1,8 +1,7 @@
-"""Positions that no motion explains: glitches, encoders that slip, samples with a wrong stamp.
+"""Detects positions that no motion explains: glitches, slipping encoders, samples with a wrong stamp.
 
-A joint that has gone farther than its velocity limit allows, by the sender's clock and by ours, was not there: the
-sample is rejected. A joint that jumped far has to come back. If it stays where it jumped, nobody knows on which branch
-the robot is.
+If a joint moved farther than its velocity limit allows, by the sender's clock and by the receiver's, the sample is
+rejected. A joint with a large jump has to return. If it stays at the new position, the branch of the robot is unknown.
 """
 
 from __future__ import annotations
@@ -12,13 +11,14 @@ from operator import sub
 
 from irsbot_kinematics.mechanism import Coordinate
 from irsbot_msgs_py.records import Floats
+from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.core.estimation.estimate import Estimate
-from irsbot_supervisor.core.intake import Accepted, S
 from irsbot_supervisor.core.settings import OVERSPEED, Settings
+from irsbot_supervisor.core.validation import Accepted
 
 ASTRAY = 2.0
-"""1: a jump this many times longer than that is no noise at full speed; until the joint comes back its position is not
-known, however much time passes in which it could have gone there."""
+"""1: a jump this many times longer than the limit is not noise at full speed. Until the joint returns, its position is
+not known, even after a time in which the joint could have moved there."""
 
 
 class Jumps:
@@ -31,7 +31,7 @@ class Jumps:
         self.configure(settings)
 
     def configure(self, settings: Settings) -> None:
-        """New limits; a joint that jumped is still away."""
+        """Take in new limits; a joint that jumped is still away."""
         self._names = settings.joint_names
         self._fastest = tuple(OVERSPEED * speed for speed in settings.velocity_limit)
         self._errors = tuple(
@@ -40,11 +40,11 @@ class Jumps:
 
     @property
     def away(self) -> bool:
-        """Whether a joint jumped and has not come back."""
+        """True if a joint jumped and has not returned."""
         return self._astray is not None
 
     def restart(self) -> None:
-        """What jumped is where it is."""
+        """Accept the present positions of joints that jumped."""
         self._astray = None
 
     def moved(self, now: Floats, before: Floats) -> Floats:
@@ -52,21 +52,21 @@ class Jumps:
         return tuple(map(remainder, map(sub, now, before), self._turns))
 
     def too_far(self, moved: Floats, span_s: float) -> str:
-        """Why no joint moves so far in this time; empty if all can."""
+        """The reason why a joint cannot move so far in this time; empty if all joints can."""
         joints = zip(self._names, self._units, moved, self._fastest, self._errors, strict=True)
         for name, unit, step, fastest, error in joints:
             if not abs(step) <= fastest * span_s + error:
                 return f"joint '{name}' jumped by {step:.4g} {unit} in {span_s * 1e3:.3g} ms"
         return ""
 
-    def fault(self, sample: Accepted, last: Estimate, span_s: float) -> str:
-        """Why a sample cannot follow the last good one; empty if it can. span_s: the time there was for the way, by the
-        more generous of both clocks."""
-        moved = self.moved(sample.position, last.position)
-        if why := self.too_far(moved, span_s):
+    def fault(self, sample: Accepted, last: Estimate, moved: Floats, too_far: str, span_s: float) -> str:
+        """Reason why a sample cannot follow the last good one; empty if it can. moved: rad or m since the last one.
+        too_far: result of `too_far`. span_s: longer of the two times between them, by the sender's clock and by the
+        receiver's."""
+        if too_far:
             if self.too_far(moved, ASTRAY * span_s):
                 self._astray = sample
-            return why
+            return too_far
         away = self._astray
         if away is not None:
             rates = tuple([rate if rate == rate else 0.0 for rate in last.velocity])
@@ -77,8 +77,7 @@ class Jumps:
         return ""
 
     def _off(self, sample: Accepted, before: Estimate | Accepted, rates: Floats) -> float:
-        """s of fastest motion between where a sample is and where it would be, had the motion gone on at these
-        rates."""
-        dt = (sample.stamp_ns - before.stamp_ns) / S
+        """s that the fastest motion needs from the sample to the position predicted with these rates."""
+        dt = (sample.stamp_ns - before.stamp_ns) / NS_PER_S
         moved = self.moved(sample.position, before.position)
         return max(abs(step - rate * dt) / most for step, rate, most in zip(moved, rates, self._fastest, strict=True))

@@ -1,15 +1,15 @@
 """Bounds of joint velocities from positions and stamps alone: a bounded-error (set-membership) observer.
 
-Assumptions, per joint: its speed grows with at most a and never exceeds V; slowing down may be as hard as it likes.
+Assumptions, per joint: it accelerates with at most a and its speed never exceeds V; it may slow down at any rate.
 Positions are wrong by at most e, stamps by at most tau; then a position belongs to its stamp within e + tau V.
 
-A joint that moves at v now and gained all of it, moved at least v - a s a time s ago, as long as that is positive. If
-v > a D, it went at least v D - a D^2/2 in the time D. So from two positions D apart, D > 0,
+A joint that moves at v now moved at v - a s or more at a time s ago, while this is positive. If v > a D, it moved by at
+least v D - a D^2/2 in the time D. So from two positions D apart, D > 0,
 
     v <= max((p_now - p_then + 2 (e + tau V))/D + a D/2,  a D),    v <= v_before + a D,    v <= V
 
-The second value of the first bound is for a joint that moved backward and was stopped hard within D. The bounds are
-least over times of about sqrt(4 (e + tau V)/a); a few positions up to that time are kept.
+The second value of the first bound covers a joint that moved backward and was stopped hard within D. The bounds are
+smallest for times of about sqrt(4 (e + tau V)/a); a few positions up to that time are kept.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from math import remainder, sqrt
 
 from irsbot_kinematics.mechanism import Coordinate
 from irsbot_msgs_py.records import Floats
+from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.core.estimation.estimate import Speeds
-from irsbot_supervisor.core.intake import S
 from irsbot_supervisor.core.settings import Settings
 
 
@@ -33,48 +33,48 @@ class Observer:
         self.configure(settings)
 
     def configure(self, settings: Settings) -> None:
-        """New limits; the positions stay."""
+        """Take in new limits; the positions are kept."""
         self._fastest, self._gains = settings.velocity_limit, settings.acceleration_limit
         errors = stamped_errors(settings)
         self._errors = tuple([2.0 * error for error in errors])
         window_s = max(sqrt(4.0 * e / a) for e, a in zip(errors, self._gains, strict=True))
-        self._window_ns = round(window_s * S)
+        self._window_ns = round(window_s * NS_PER_S)
         joints = zip(self._turns, self._errors, self._fastest, strict=True)
         self._told_s = min((0.5 * turn - error) / fastest for turn, error, fastest in joints)
         self._any = Speeds(self._fastest, self._fastest)
         self._speeds = self._any
 
     def without_last(self, speeds: Speeds) -> None:
-        """The last position was wrong. speeds: the bounds before it."""
+        """Remove the last position, which was wrong. speeds: the bounds before it."""
         if len(self._kept) > 1:
             self._kept.pop()
             self._speeds = speeds
 
     def clock_set(self, step_ns: int) -> None:
-        """The clock that stamps was set: the past is moved with it."""
+        """Shift earlier stamps after the clock of the stamps was set."""
         self._kept = deque((stamp_ns + step_ns, position) for stamp_ns, position in self._kept)
 
     def restart(self, stamp_ns: int, position: Floats) -> Speeds:
-        """Nothing before counts: every joint may be as fast as it can."""
+        """Forget all earlier samples: every joint may move at its velocity limit."""
         self._kept.clear()
         self._kept.append((stamp_ns, position))
         self._speeds = self._any
         return self._any
 
     def update(self, stamp_ns: int, position: Floats) -> Speeds | None:
-        """Bounds with one more position, stamped later than the last; None if a joint has gone farther than it can with
-        its earlier speed and acceleration limit."""
+        """Bounds with one more position, stamped later than the last; None if a joint moved farther than its earlier
+        speed and its acceleration limit allow."""
         kept, last = self._kept, self._speeds
         if not kept:
             return self.restart(stamp_ns, position)
-        dt = (stamp_ns - kept[-1][0]) / S
+        dt = (stamp_ns - kept[-1][0]) / NS_PER_S
         limits = list(zip(self._gains, self._fastest, strict=True))
         forward = [min(speed + gain * dt, most) for speed, (gain, most) in zip(last.forward, limits, strict=True)]
         backward = [min(speed + gain * dt, most) for speed, (gain, most) in zip(last.backward, limits, strict=True)]
         back, count = 1, len(kept)
         while True:
             then_ns, then = kept[-back]
-            span = (stamp_ns - then_ns) / S
+            span = (stamp_ns - then_ns) / NS_PER_S
             if span > self._told_s:  # a joint may have gone half a turn: which way round is not known
                 break
             joints = zip(position, then, self._turns, self._errors, self._gains, strict=True)
@@ -102,12 +102,12 @@ class Observer:
 
 
 STAMP_NS = 1
-"""ns: stamps are whole ones."""
+"""ns: resolution of stamps."""
 
 
 def stamped_errors(settings: Settings) -> Floats:
-    """rad or m by which ways between measured positions may be wrong at each end, taken at the stamps."""
-    stamp_s = settings.stamp_jitter_s + STAMP_NS / S
+    """rad or m: error of the distance between measured positions at each end, at the times of the stamps."""
+    stamp_s = settings.stamp_jitter_s + STAMP_NS / NS_PER_S
     return tuple([0.5 * settings.encoder_resolution + stamp_s * v for v in settings.velocity_limit])
 
 

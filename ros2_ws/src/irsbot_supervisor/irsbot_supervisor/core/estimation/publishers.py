@@ -1,4 +1,4 @@
-"""Two publishers of joint states: samples of one moment that no single robot can have sent."""
+"""Detects two publishers of joint states: two samples of one moment that no single robot can have sent."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from irsbot_msgs_py.records import Floats
 from irsbot_supervisor.core.settings import OVERSPEED, Settings
 
 LATE_PERIODS = 2
-"""1: periods of the sender by which the arrival of a sample may be off. Clocks that stamp coarsely repeat themselves
-while the robot moves; two sources that say different things of one moment differ by more."""
+"""1: periods of the sender by which the arrival of a sample may be off. Clocks with coarse stamps repeat them while the
+robot moves; the samples of two sources for one moment differ by more."""
 
 
 class Publishers:
-    """Compares a sample that is no newer than the last one with that one."""
+    """Compares a sample that is not newer than the last one with the last one."""
 
     def __init__(self, settings: Settings, joints: tuple[Coordinate, ...]) -> None:
         self._turns = tuple(joint.turn for joint in joints)
@@ -22,14 +22,15 @@ class Publishers:
         self.configure(settings)
 
     def configure(self, settings: Settings) -> None:
-        """New limits."""
+        """Take in new limits."""
         self._names = settings.joint_names
         self._fastest = tuple(OVERSPEED * speed for speed in settings.velocity_limit)
         self._step = 2.0 * settings.encoder_resolution
 
     def contradiction(self, now: Floats, then: Floats, earlier_s: float, passed_s: float, period_s: float) -> str:
-        """Why two samples cannot come from the same robot, or empty. earlier_s: by how much the newer arrival is
-        stamped earlier, passed_s: steady time between the arrivals, period_s: between the stamps of one sender."""
+        """The reason why two samples cannot come from the same robot, or empty. earlier_s: by how much the later
+        arrival is stamped earlier; passed_s: steady time between the arrivals; period_s: between the stamps of one
+        sender."""
         span_s = passed_s + LATE_PERIODS * abs(period_s) + earlier_s
         joints = zip(self._names, self._units, self._turns, self._fastest, strict=True)
         for (name, unit, turn, fastest), a, b in zip(joints, now, then, strict=True):

@@ -1,7 +1,8 @@
-"""Reported velocities against what positions allow.
+"""Compares reported velocities with the bounds from positions.
 
-Now a joint moves within the observer's bounds. And with what it reported at an earlier sample, v, it went no farther
-than w <= (max(v, 0) + a D/2) D in the time D since, errors of positions and stamps added; the signs exchanged likewise.
+The present speed is within the observer's bounds. With the velocity v reported at an earlier sample, the joint has
+since moved by at most w <= (max(v, 0) + a D/2) D in the time D, plus errors of positions and stamps; the same holds
+with the signs exchanged.
 """
 
 from __future__ import annotations
@@ -12,21 +13,22 @@ from typing import NamedTuple
 
 from irsbot_kinematics.mechanism import Coordinate
 from irsbot_msgs_py.records import Floats
+from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.core.estimation.estimate import Speeds
 from irsbot_supervisor.core.estimation.observer import stamped_errors
-from irsbot_supervisor.core.intake import Accepted, S
 from irsbot_supervisor.core.settings import UNTRUSTED, Settings
+from irsbot_supervisor.core.validation import Accepted
 
 
 class Velocities(NamedTuple):
     """Rates of the joints, rad/s or m/s."""
 
-    rates: Floats  # as reported, else from positions; NaN where neither tells
+    rates: Floats  # as reported, else from positions; NaN if neither is known
     fault: str  # empty, or which report is missing, no number, or contradicts the positions
 
 
 class Reported:
-    """Keeps what was reported with the positions of the last few milliseconds."""
+    """Keeps the reported velocities and the positions of the last few milliseconds."""
 
     def __init__(self, settings: Settings, joints: tuple[Coordinate, ...]) -> None:
         self._turns = tuple(joint.turn for joint in joints)
@@ -35,7 +37,7 @@ class Reported:
         self.configure(settings)
 
     def configure(self, settings: Settings) -> None:
-        """New limits."""
+        """Take in new limits."""
         self._names, self._gains = settings.joint_names, settings.acceleration_limit
         self._trust = min(settings.velocity_tolerance) < UNTRUSTED
         slow = settings.standstill_speed
@@ -43,35 +45,35 @@ class Reported:
         errors = stamped_errors(settings)
         self._errors = tuple([2.0 * error for error in errors])
         self._windows_ns = tuple(
-            [round((4.0 * error / gain) ** 0.5 * S) for error, gain in zip(errors, self._gains, strict=True)]
+            [round((4.0 * error / gain) ** 0.5 * NS_PER_S) for error, gain in zip(errors, self._gains, strict=True)]
         )
 
     def clock_set(self, step_ns: int) -> None:
-        """The clock that stamps was set: the past is moved with it."""
+        """Shift earlier stamps after the clock of the stamps was set."""
         self._kept = deque(kept._replace(stamp_ns=kept.stamp_ns + step_ns) for kept in self._kept)
 
     def restart(self) -> None:
-        """Nothing before counts."""
+        """Forget all earlier samples."""
         self._kept.clear()
 
     def look(self, sample: Accepted, speeds: Speeds) -> Velocities:
-        """What to say about the rates of a sample whose speeds are bounded."""
-        kept, said = self._kept, sample.velocity
+        """Accepted rates of a sample whose speeds are bounded, and the fault of the reported ones."""
+        kept, stated = self._kept, sample.velocity
         kept.append(sample)
         while len(kept) > 2 and sample.stamp_ns - kept[1].stamp_ns >= max(self._windows_ns):
             kept.popleft()
         then = kept[0]
-        span = (sample.stamp_ns - then.stamp_ns) / S
-        rates, fault = [], "" if said else "the message has no velocities"
+        span = (sample.stamp_ns - then.stamp_ns) / NS_PER_S
+        rates, fault = [], "" if stated else "the message has no velocities"
         bounds = zip(speeds.forward, speeds.backward, self._gains, self._errors, self._tolerances, strict=True)
         for j, (forward, backward, gain, error, tolerance) in enumerate(bounds):
             mean = nan
             if span > 0.0:
                 mean = remainder(sample.position[j] - then.position[j], self._turns[j]) / span
-            if not said:
+            if not stated:
                 rates.append(mean)
                 continue
-            rate = said[j]
+            rate = stated[j]
             if not isfinite(rate):
                 rates.append(mean)
                 fault = fault or f"the velocity of joint '{self._names[j]}' is {rate}"
@@ -89,7 +91,7 @@ class Reported:
         return Velocities(tuple(rates), fault)
 
     def trusted(self, sample: Accepted, found: Velocities, speeds: Speeds) -> Speeds:
-        """Bounds that are narrowed by what is reported, as far as a setting says how wrong that can be."""
+        """Bounds narrowed by the reported velocities, as far as the setting `velocity_tolerance` allows."""
         if not self._trust or found.fault or not sample.velocity:
             return speeds
         joints = list(zip(sample.velocity, self._tolerances, strict=True))

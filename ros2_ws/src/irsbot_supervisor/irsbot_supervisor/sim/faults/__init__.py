@@ -1,7 +1,7 @@
-"""Faults on the way from the encoders to the consumer, for rehearsals. `line` says how they are asked for."""
+"""Faults between the encoders and the consumer, for tests. `line` describes their syntax."""
 
-from .base import Fault, Sent
-from .injector import FaultInjector
-from .line import KINDS, describe, parse_faults
+from irsbot_supervisor.sim.faults.base import Fault, Sent
+from irsbot_supervisor.sim.faults.injector import FaultInjector
+from irsbot_supervisor.sim.faults.line import FAULTS, describe, parse_faults
 
-__all__ = ["KINDS", "Fault", "FaultInjector", "Sent", "describe", "parse_faults"]
+__all__ = ["FAULTS", "Fault", "FaultInjector", "Sent", "describe", "parse_faults"]

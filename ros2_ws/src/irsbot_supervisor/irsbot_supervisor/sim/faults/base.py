@@ -1,4 +1,4 @@
-"""What every fault has: when it acts, which settings it takes, what it may do to a sample."""
+"""Base of all faults: when a fault acts, its settings, and its effect on a sample."""
 
 from __future__ import annotations
 
@@ -11,22 +11,19 @@ from typing import Any, NamedTuple
 from irsbot_kinematics import Mechanism
 from irsbot_msgs_py.records import JointSample
 
-NS = 1e9
-"""Nanoseconds in a second."""
-
 FOR_EVER = 10**18
 """Samples: more than any stream has."""
 
 
 class Sent(NamedTuple):
-    """A sample on its way, and which publisher sends it: 0, or 1 where a second one appears."""
+    """A sample in transit, and its publisher: 0, or 1 for a second one."""
 
     sample: JointSample
     publisher: int = 0
 
 
 class Setting(NamedTuple):
-    """A setting of a fault as an error message or a manual needs it."""
+    """A setting of a fault, as error messages and the manual need it."""
 
     text: str
     low: float = -inf
@@ -43,7 +40,7 @@ def setting(default: Any, text: str, low: float = -inf, high: float = inf, words
 
 @dataclass
 class Fault:
-    """One fault: when it acts, and in subclasses what it does to the samples."""
+    """One fault: when it acts, and in subclasses its effect on the samples."""
 
     at: float = setting(0.0, "s after the line was given", 0.0)
     lasting: float = setting(inf, "s", 0.0)
@@ -56,7 +53,7 @@ class Fault:
         self.acted = self.met = 0
 
     def strike(self, sent: Sent, elapsed_s: float) -> Iterable[Sent]:
-        """What becomes of a sample `elapsed_s` after the line was given."""
+        """A sample after the faults, `elapsed_s` after the line was set."""
         if not (self.at <= elapsed_s < self.at + self.lasting and self.acted < self.count):
             return self.spare(sent)
         self.met += 1
@@ -66,7 +63,7 @@ class Fault:
         return self.act(sent, elapsed_s - self.at)
 
     def act(self, sent: Sent, since_s: float) -> Iterable[Sent]:
-        """What the fault does to a sample, `since_s` after it began."""
+        """Apply the fault to a sample, `since_s` after it began."""
         return (sent._replace(sample=self.rewrite(sent.sample, since_s)),)
 
     def rewrite(self, sample: JointSample, since_s: float) -> JointSample:
@@ -74,5 +71,5 @@ class Fault:
         raise NotImplementedError
 
     def spare(self, sent: Sent) -> Iterable[Sent]:
-        """A sample that the fault does not touch."""
+        """Pass a sample that the fault does not change."""
         return (sent,)

@@ -8,12 +8,11 @@ from math import degrees, inf, nan
 from typing import Any
 
 from irsbot_kinematics import Mechanism, Status
-from irsbot_kinematics.arithmetic import FLOATS
 from irsbot_kinematics.mechanism import Floats
+from irsbot_kinematics.numerics.arithmetic import FLOATS
 from irsbot_msgs_py.records import JointSample
-
-from ..trajectory import nearest_turn
-from .base import Fault, setting
+from irsbot_supervisor.sim.faults.base import Fault, setting
+from irsbot_supervisor.sim.trajectory import nearest_turn
 
 MOST_JOINTS = 100_000
 """Extra joints of one message: about 4 MB, far beyond any driver."""

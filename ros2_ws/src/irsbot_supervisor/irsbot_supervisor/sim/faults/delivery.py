@@ -7,8 +7,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from irsbot_msgs_py.records import JointSample
-
-from .base import NS, Fault, Sent, setting
+from irsbot_msgs_py.stamps import NS_PER_S
+from irsbot_supervisor.sim.faults.base import Fault, Sent, setting
 
 LAST_STAMP_NS = (2**31 - 1) * 10**9
 """A stamp counts seconds in 32 bits."""
@@ -62,10 +62,10 @@ class Latency(Fault):
 
     def act(self, sent: Sent, since_s: float) -> Iterable[Sent]:
         self.queue.append(sent)
-        return self._due(sent.sample.seen_ns - round(self.by * NS))
+        return self._due(sent.sample.seen_ns - round(self.by * NS_PER_S))
 
     def spare(self, sent: Sent) -> Iterable[Sent]:
-        late = self._due(sent.sample.seen_ns - round(self.by * NS))
+        late = self._due(sent.sample.seen_ns - round(self.by * NS_PER_S))
         return (*late, sent)
 
     def _due(self, until_ns: int) -> list[Sent]:
@@ -110,7 +110,7 @@ class StampShift(Fault):
     by: float = setting(1.0, "s, negative: in the past", -FARTHEST_S, FARTHEST_S)
 
     def rewrite(self, sample: JointSample, since_s: float) -> JointSample:
-        shifted = sample.stamp_ns + round(self.by * NS)
+        shifted = sample.stamp_ns + round(self.by * NS_PER_S)
         return sample._replace(stamp_ns=max(-LAST_STAMP_NS, min(shifted, LAST_STAMP_NS)))
 
 

@@ -14,11 +14,11 @@ from dataclasses import MISSING, Field, fields
 from math import nan
 from typing import Any
 
-from ..errors import BadFault
-from . import content, delivery
-from .base import Fault, Setting
+from irsbot_supervisor.sim.errors import BadFault
+from irsbot_supervisor.sim.faults import content, delivery
+from irsbot_supervisor.sim.faults.base import Fault, Setting
 
-KINDS: dict[str, type[Fault]] = {
+FAULTS: dict[str, type[Fault]] = {
     "drop": delivery.Drop,
     "loss": delivery.Loss,
     "reorder": delivery.Reorder,
@@ -60,9 +60,11 @@ def describe() -> str:
     """All faults, one line each, with their own settings and defaults."""
     common = {entry.name for entry in fields(Fault)}
     lines = []
-    for name, kind in sorted(KINDS.items()):
+    for name, kind in sorted(FAULTS.items()):
         own = [
-            f"{entry.name}={_default(entry)} ({_said(entry)})" for entry in _settings(kind) if entry.name not in common
+            f"{entry.name}={_default(entry)} ({_stated(entry)})"
+            for entry in _settings(kind)
+            if entry.name not in common
         ]
         lines.append(f"{name}: {_first_line(kind)}" + (f" Settings: {', '.join(own)}." if own else ""))
     return "\n".join(lines)
@@ -71,9 +73,9 @@ def describe() -> str:
 def _fault(part: str) -> Fault:
     name, _, rest = part.partition(":")
     name = name.strip()
-    if name not in KINDS:
-        raise BadFault(f"no fault '{name}'; known are {', '.join(sorted(KINDS))}")
-    entries = {entry.name: entry for entry in _settings(KINDS[name])}
+    if name not in FAULTS:
+        raise BadFault(f"no fault '{name}'; known are {', '.join(sorted(FAULTS))}")
+    entries = {entry.name: entry for entry in _settings(FAULTS[name])}
     values: dict[str, Any] = {}
     for pair in filter(None, map(str.strip, rest.split(","))):
         key, equals, text = (piece.strip() for piece in pair.partition("="))
@@ -82,7 +84,7 @@ def _fault(part: str) -> Fault:
         if key not in entries:
             raise BadFault(f"fault '{name}' has no '{key}'; it has {', '.join(entries)}")
         values[key] = _value(name, entries[key], text)
-    return KINDS[name](**values)
+    return FAULTS[name](**values)
 
 
 def _value(name: str, entry: Field[Any], text: str) -> Any:
@@ -110,7 +112,7 @@ def _default(entry: Field[Any]) -> Any:
     return entry.default
 
 
-def _said(entry: Field[Any]) -> str:
+def _stated(entry: Field[Any]) -> str:
     rule: Setting = entry.metadata["setting"]
     return rule.text + (f": {' | '.join(rule.words)}" if rule.words else "")
 

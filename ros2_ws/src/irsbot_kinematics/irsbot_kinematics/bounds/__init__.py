@@ -1,0 +1,1 @@
+"""Certified lower bounds of margins over sets of joint positions."""

@@ -1,0 +1,1 @@
+"""Robots as files: YAML descriptions, records in bags, shapes for URDF."""

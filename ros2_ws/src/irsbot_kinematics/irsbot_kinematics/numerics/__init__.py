@@ -1,0 +1,1 @@
+"""Arithmetic on floats and arrays, tolerances, roots of assembly equations."""

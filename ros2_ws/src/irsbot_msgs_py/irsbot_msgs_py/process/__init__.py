@@ -1,0 +1,1 @@
+"""A node's process: start, run, exit deadline, transport."""

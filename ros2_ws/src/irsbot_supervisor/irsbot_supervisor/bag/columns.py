@@ -1,0 +1,135 @@
+"""Tables of samples: joint columns from CSV or a bag, columns to CSV or Parquet."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from irsbot_kinematics import BadInput
+from irsbot_kinematics.numerics.arithmetic import Array
+from irsbot_msgs_py.records import JointSample
+from irsbot_supervisor.bag.bag import Bag, choose_joint_topic, is_bag
+
+LARGEST = 1e10
+"""rad, m, s and similar: a larger number is an error of units; seconds since the epoch are far below it."""
+
+
+def read_joint_columns(path: Path, names: list[str], topic: str | None = None) -> tuple[Array, Array | None]:
+    """Joint positions (N, n) in the order of `names`, and times (N,) in s if the source has them.
+
+    topic: of the joint states, in a bag with several. Raises BadInput for a file without these columns, without rows,
+    or with cells that are not numbers, and BagError for a bag that cannot be read.
+    """
+    if is_bag(path):
+        return _from_bag(path, names, topic)
+    frame = _table(path)
+    if missing := [name for name in names if name not in frame.columns]:
+        raise BadInput(f"{path}: no column '{missing[0]}'; it has {', '.join(frame.columns)}")
+    times = _numbers(path, frame, ["time_s"])[:, 0] if "time_s" in frame.columns else None
+    return _numbers(path, frame, names), times
+
+
+def read_motion(path: Path, names: list[str]) -> tuple[Array, Array, Array]:
+    """Times (N,) in s, positions (N, n), and velocities (N, n) or (0, n), from a CSV table.
+
+    Raises BadInput, also for times that do not increase and for values that are not finite.
+    """
+    positions, times = read_joint_columns(path, names)
+    if times is None:
+        raise BadInput(f"{path}: no column 'time_s'")
+    _finite(path, ["time_s"], times[:, np.newaxis])
+    if len(late := np.flatnonzero(np.diff(times) <= 0.0)):
+        row = int(late[0]) + 1
+        fault = f"is {times[row]:g}, must be above {times[row - 1]:g} in the row before"
+        raise BadInput(f"{path}: {_cell(row, 'time_s')} {fault}")
+    rates = [f"{name}_velocity" for name in names]
+    velocities: Array = np.empty((0, len(names)))
+    if has_columns(path, rates[:1]):
+        velocities = _finite(path, rates, read_joint_columns(path, rates)[0])
+    return times, _finite(path, names, positions), velocities
+
+
+def has_columns(path: Path, names: list[str]) -> bool:
+    """True if a CSV table has columns with these names. Raises BadInput for a file that is not a table."""
+    return path.suffix == ".csv" and set(names) <= set(_table(path, 1).columns)
+
+
+def column_names(path: Path) -> list[str]:
+    """Names of a CSV table's columns. Raises BadInput."""
+    return _table(path, 1).columns
+
+
+def _table(path: Path, rows: int | None = None) -> pl.DataFrame:
+    """The first rows of a CSV table, or all of them, as texts."""
+    try:
+        with path.open(encoding="utf-8") as file:
+            header = file.readline()
+        for sign in (";", "\t"):
+            if sign in header and "," not in header:
+                raise BadInput(f"{path}: columns are separated by {sign!r}, must be by ','")
+        return pl.read_csv(path, n_rows=rows, infer_schema=False)
+    except OSError as error:
+        raise BadInput(f"{path}: {error.strerror or 'cannot be read'}") from None
+    except (pl.exceptions.PolarsError, UnicodeDecodeError) as error:
+        raise BadInput(f"{path}: not a CSV table: {str(error).splitlines()[0]}") from None
+
+
+def _numbers(path: Path, frame: pl.DataFrame, names: list[str]) -> Array:
+    """Columns (N, n) of a table, NaN where it says so. Raises BadInput that names the first cell without a number."""
+    if frame.is_empty():
+        raise BadInput(f"{path}: it has no rows below its header")
+    texts = frame.select(pl.col(name).str.strip_chars() for name in names)
+    values = texts.select(pl.all().cast(pl.Float64, strict=False))
+    for row, column in np.argwhere(values.select(pl.all().is_null()).to_numpy())[:1].tolist():
+        stated = texts[row, column]
+        fault = f"'{stated}' is no number" if stated else "the cell is empty"
+        raise BadInput(f"{path}: {_cell(row, names[column])}: {fault}")
+    numbers = values.to_numpy()
+    for row, column in np.argwhere(np.isfinite(numbers) & (np.abs(numbers) > LARGEST))[:1].tolist():
+        fault = f"{numbers[row, column]:g} is no joint position, pose, velocity or time: at most {LARGEST:g}"
+        raise BadInput(f"{path}: {_cell(row, names[column])}: {fault}")
+    return numbers
+
+
+def _finite(path: Path, names: list[str], values: Array) -> Array:
+    for row, column in np.argwhere(~np.isfinite(values))[:1].tolist():
+        raise BadInput(f"{path}: {_cell(row, names[column])} is {values[row, column]}, must be finite")
+    return values
+
+
+def _cell(row: int, column: str) -> str:
+    """A place in a table: row and column as a reader counts them."""
+    return f"row {row + 1} below the header, column '{column}'"
+
+
+def write_columns(path: Path, columns: dict[str, Any]) -> None:
+    """One column per entry, as CSV or Parquet by the suffix. Raises BadInput for another suffix."""
+    frame = pl.DataFrame(columns)
+    if path.suffix == ".parquet":
+        frame.write_parquet(path)
+    elif path.suffix == ".csv":
+        frame.write_csv(path)
+    else:
+        raise BadInput(f"cannot write '{path}': the suffix must be .csv or .parquet")
+
+
+def _from_bag(path: Path, names: list[str], wanted: str | None) -> tuple[Array, Array]:
+    samples: dict[str, list[JointSample]] = {}
+    with Bag(path) as opened:
+        for entry in opened.records():
+            if isinstance(entry.record, JointSample):
+                samples.setdefault(entry.topic, []).append(entry.record)
+    rows, times = [], []
+    others: set[str] = set()
+    for sample in samples[choose_joint_topic(path, samples, wanted)]:
+        if len(sample.position) != len(sample.names) or not set(names) <= set(sample.names):
+            others.update(sample.names)
+            continue
+        rows.append([sample.position[sample.names.index(name)] for name in names])
+        times.append(sample.stamp_ns * 1e-9)
+    if not rows:
+        raise BadInput(f"{path}: no joint states with {', '.join(names)}; it has {', '.join(sorted(others)) or 'none'}")
+    return np.array(rows), np.array(times)

@@ -1,1 +1,0 @@
-"""The fault campaign: what the supervision must withstand, tried many times and counted. `rows` says what a row is."""

@@ -1,0 +1,1 @@
+"""Settings from files and parameters, feasibility checks, the proposal of limits."""

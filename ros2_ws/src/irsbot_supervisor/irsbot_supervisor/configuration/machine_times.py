@@ -1,0 +1,70 @@
+"""Times that a computer keeps during supervision, and the settings that follow."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from irsbot_supervisor.core.settings import Settings
+
+STALE, LATE = 2.0, 1.5
+"""Factors on measured times: a longer run shows longer times."""
+
+MOST_HEARTBEAT_S = 0.02
+"""s: the largest heartbeat that the settings allow; consumers brake after 0.1 s."""
+
+
+class Times(NamedTuple):
+    """The longest times of a run, s."""
+
+    sample_gap_s: float
+    """Longest interval between two samples, as the supervisor received them."""
+    verdict_gap_s: float
+    """Longest interval between two verdicts, as a listener received them."""
+    delay_s: float
+    """Longest time from the stamp of a sample to its verdict, as a listener received it."""
+
+
+class Proposed(NamedTuple):
+    """One setting: its value in force, the measured time, and the value that this computer can keep."""
+
+    name: str
+    now: float
+    met: float
+    value: float
+    why: str
+
+    @property
+    def kept(self) -> bool:
+        """True if this computer keeps the value in force."""
+        return self.value <= self.now
+
+
+def longest(seen_s: Sequence[float], heard_s: Sequence[float], delays_s: Sequence[float]) -> Times:
+    """Longest times. seen_s: arrivals of samples; heard_s: arrivals of verdicts; delays_s: of each verdict. Sorted,
+    s."""
+
+    def gap(times: Sequence[float]) -> float:
+        return max((b - a for a, b in itertools.pairwise(times)), default=float("inf"))
+
+    return Times(gap(seen_s), gap(heard_s), max(delays_s, default=float("inf")))
+
+
+def proposals(settings: Settings, met: Times) -> list[Proposed]:
+    """stale_s, heartbeat_s and latency_s from measured times; never below the values in force."""
+    stale = max(settings.stale_s, _up(STALE * met.sample_gap_s))
+    heartbeat = min(max(settings.heartbeat_s, _up(met.verdict_gap_s / STALE)), MOST_HEARTBEAT_S)
+    latency = max(settings.latency_s, _up(LATE * met.delay_s))
+    return [
+        Proposed("stale_s", settings.stale_s, met.sample_gap_s, stale, "twice the longest gap between samples"),
+        Proposed(
+            "heartbeat_s", settings.heartbeat_s, met.verdict_gap_s, heartbeat, "half the longest gap between verdicts"
+        ),
+        Proposed("latency_s", settings.latency_s, met.delay_s, latency, "1.5 times the longest way to a verdict"),
+    ]
+
+
+def _up(seconds: float) -> float:
+    """Rounded up to a whole ms."""
+    return -(-seconds * 1e3 // 1.0) / 1e3 if seconds < float("inf") else seconds

@@ -1,0 +1,394 @@
+"""The supervisor: events in, states and verdicts out. Time is in the events; this module reads no clock.
+
+A sample, a timer tick, a restart, an operator's reset or bypass and new settings all enter by `step`, so that a replay
+computes the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from math import inf, nan
+
+from irsbot_kinematics import Posture, Robot
+from irsbot_msgs_py.records import (
+    Bypass,
+    Cause,
+    Finding,
+    Floats,
+    JointSample,
+    Level,
+    Reset,
+    Restart,
+    SingularityState,
+    Tick,
+    Verdict,
+)
+from irsbot_msgs_py.stamps import NS_PER_S
+from irsbot_supervisor.core.assessment import SOLVED, Assessment, Assessor
+from irsbot_supervisor.core.box_search import BoxBounds, spare_of
+from irsbot_supervisor.core.escape import NO_ESCAPE, escape_of
+from irsbot_supervisor.core.estimation.estimate import Estimate
+from irsbot_supervisor.core.estimation.estimator import Estimator
+from irsbot_supervisor.core.estimation.sample_interval import SETTLING
+from irsbot_supervisor.core.events import Configure, Event, Step
+from irsbot_supervisor.core.latch import Latch
+from irsbot_supervisor.core.margins import Margins
+from irsbot_supervisor.core.policy import Policy
+from irsbot_supervisor.core.position_limits import PositionLimits
+from irsbot_supervisor.core.report import Moment, Reporter
+from irsbot_supervisor.core.seed_pose import seen_posture
+from irsbot_supervisor.core.settings import LEAST_LIMIT, InvalidSettings, Settings
+from irsbot_supervisor.core.stop_monitor import MeasuredStop, StopMonitor
+from irsbot_supervisor.core.stopping import StoppingPredictor, cuts_of, limits_of
+from irsbot_supervisor.core.validation import Intake, Rejected
+from irsbot_supervisor.core.view import View
+
+APART = (-inf, LEAST_LIMIT, -inf, -inf)
+"""Condition on a silence: that no Type 2 singularity was met."""
+
+
+RESTARTED = "the supervisor was started again, and the robot was not supervised in between: reset it"
+"""Reason why the branch is unknown after a restart."""
+
+OK = Level.OK
+
+FOREVER = 2**63
+"""ns: later than every time."""
+
+JUST_NOW = 0.1
+"""1: share of the heartbeat. A younger verdict is not repeated at a tick, so two verdicts are at most 1.1 heartbeats
+apart."""
+
+
+class Supervisor:
+    """One robot under supervision. `step` is the only entry."""
+
+    def __init__(self, settings: Settings, robot: Robot) -> None:
+        self.robot = robot
+        robot.mechanism.prepare()
+        self._latch = Latch(settings)
+        self._estimator = Estimator(settings, robot.mechanism.joints)
+        self._assessor = Assessor(settings, robot.mechanism)
+        self._intake = Intake(settings, robot.mechanism.joints)
+        self._stops = StopMonitor(settings, robot.mechanism.joints)
+        self._set(settings)
+        self._samples = 0
+        self._verdicts = 0
+        self._spoken_ns = 0
+        self._good: Estimate | None = None
+        self._begun_ns = self._known_ns = 0  # first good sample, and since when it is known how often samples come
+        self._at: Posture | None = None  # where the last good sample was
+        self._last: Moment | None = None  # the margins there
+        self._stale = False
+        self._found: list[Finding] = []
+        self._found_until_ns = FOREVER  # end of the findings of a rejected sample
+        self._silence: list[Finding] = []
+        self.rejections: dict[Cause, int] = {}
+        """Number of rejected samples by reason."""
+        self.seen_too_rarely = 0
+        """Number of stops for which late samples were the only reason."""
+
+    def step(self, event: Event, report: bool = True) -> Step:
+        """Process an event. Never raises for values; raises InvalidSettings for a change of a read-only setting.
+        report: True if the state of a sample is needed; it takes a fifth of the time, and changes no verdict."""
+        state, found, refusal = None, None, ""
+        changed = self._pass_time(event.seen_ns)
+        if isinstance(event, JointSample):
+            found, state = self._sample(event, report)
+        elif isinstance(event, Configure):
+            self._configure(event)
+            self._pass_time(event.seen_ns)  # the silence limit may have changed too
+            changed = True
+        elif isinstance(event, Restart):
+            self._restart(event)
+        elif isinstance(event, Reset):
+            refusal = self._reset(event)
+        elif isinstance(event, Bypass):
+            refusal = self._bypass(event)
+        transitions = self._latch.take_transitions()
+        verdict = self._speak(event, changed or bool(transitions))
+        return Step(state, verdict, refusal, transitions, found)
+
+    def _set(self, settings: Settings) -> None:
+        mechanism = self.robot.mechanism
+        self.settings = settings
+        self._predictor = StoppingPredictor(settings, mechanism)
+        self._bounds = BoxBounds(mechanism, settings.slack_m)
+        self._stop = limits_of(settings, "stop")
+        self._policy = Policy(settings, mechanism.joints)
+        self._position = PositionLimits(settings, mechanism.joints)
+        self._reporter = Reporter(settings, mechanism, self.robot.name)
+        self._stale_ns = round(settings.stale_s * NS_PER_S)
+        self._heartbeat_ns = round(settings.heartbeat_s * NS_PER_S)
+        self._hash = settings.config_hash
+
+    def _configure(self, change: Configure) -> None:
+        """Take in new settings, complete and checked. Knowledge of the robot and a latched stop are kept.
+
+        Raises InvalidSettings for a change of a read-only setting.
+        """
+        settings = change.settings
+        for entry in fields(Settings):
+            now, then = getattr(self.settings, entry.name), getattr(settings, entry.name)
+            if entry.metadata.get("read_only") and now != then:
+                raise InvalidSettings(f"{entry.name} is {now!r} and cannot become {then!r} while supervising")
+        self._set(settings)
+        for stage in (self._intake, self._estimator, self._assessor, self._latch, self._stops):
+            stage.configure(settings)
+        if self._good is not None:
+            self._learn(change.seen_ns)
+
+    @property
+    def standing(self) -> bool:
+        """True if the last good sample is fresh and no joint has moved for `stale_s`."""
+        good = self._good
+        return good is not None and not self._stale and good.standing_s >= self.settings.stale_s
+
+    @property
+    def measured_stop(self) -> MeasuredStop | None:
+        """The last stop that came to rest."""
+        return self._stops.last
+
+    @property
+    def view(self) -> View | None:
+        """The robot's state for the command gate; None while it is not known."""
+        good = self._good
+        if good is None or self._at is None or self._latch.now.level == Level.UNKNOWN:
+            return None
+        return View(
+            at=self._at,
+            velocity=good.velocity,
+            speeds=good.speeds,
+            prediction_delay_s=good.prediction_delay_s,
+            expected_s=good.expected_s,
+            judgement=self._latch.now,
+            seen_ns=good.seen_ns,
+        )
+
+    def fail(self, seen_ns: int, error: Exception) -> Step:
+        """Result of an internal error, also of `step`: UNKNOWN, until a sample is judged without error."""
+        text = f"{type(error).__name__}: {error}"
+        self._found_until_ns = FOREVER
+        self._found = [Finding(Cause.INTERNAL, Level.UNKNOWN, nan, nan, "", text)]
+        self._hold(seen_ns)
+        return Step(None, self._verdict(seen_ns), transitions=self._latch.take_transitions())
+
+    def _pass_time(self, seen_ns: int) -> bool:
+        """Take in a silence since the last good sample; it is dated to the moment at which it began to count. The
+        findings of the last sample hold until another sample changes them."""
+        good, latch = self._good, self._latch
+        end_ns = latch.bypassed_until_ns
+        if end_ns is not None and end_ns <= seen_ns and good is not None and end_ns <= good.seen_ns + self._stale_ns:
+            latch.update(self._found, end_ns)  # or silence has ended it before
+        latch.keep(self._found, min(seen_ns, self._found_until_ns))
+        if seen_ns > self._found_until_ns:
+            self._found, self._found_until_ns = [], FOREVER
+        if good is None:
+            text = "no usable sample has arrived"
+            self._silence = [Finding(Cause.NO_DATA, Level.UNKNOWN, nan, nan, "", text)]
+        else:
+            limit_ns = good.seen_ns + self._stale_ns
+            if seen_ns <= limit_ns:
+                return False
+            limit = self.settings.stale_s
+            text = f"no usable sample for more than {limit * 1e3:.0f} ms"
+            self._silence = [Finding(Cause.STALE, Level.UNKNOWN, (seen_ns - good.seen_ns) / NS_PER_S, limit, "s", text)]
+            if not self._stale:
+                self._stale = True
+                latch.update([*self._found, *self._silence], limit_ns)
+        latch.keep([*self._found, *self._silence], seen_ns)
+        return self._hold(seen_ns)
+
+    def _learn(self, now_ns: int) -> None:
+        """After the first good sample its findings count, but OK is given only when the sample interval is known: after
+        the time that the settings require, never shorter than with earlier settings."""
+        learning_s = SETTLING * self.settings.stale_s
+        end_ns = self._begun_ns + round(learning_s * NS_PER_S)
+        if end_ns > max(now_ns, self._known_ns):
+            self._known_ns = end_ns
+            text = f"samples have only begun to come, {learning_s * 1e3:.0f} ms are needed to learn their interval"
+            self._latch.keep([Finding(Cause.NO_DATA, Level.UNKNOWN, nan, nan, "", text)], end_ns)
+
+    def _hold(self, seen_ns: int) -> bool:
+        """Update the latch with the findings of the last sample and the silence since the last good one."""
+        return self._latch.update([*self._found, *self._silence], seen_ns)
+
+    def _sample(self, sample: JointSample, report: bool) -> tuple[tuple[Level, int], SingularityState | None]:
+        self._samples += 1
+        accepted = self._intake.check(sample)
+        if isinstance(accepted, Rejected):
+            return self._rejected(sample, accepted, report)
+        estimate = self._estimator.update(accepted, self._latch.now.level >= Level.STOP)
+        if isinstance(estimate, Rejected):
+            return self._rejected(sample, estimate, report)
+        assessment = self._assess(estimate)
+        at = assessment.at
+        self._found_until_ns = FOREVER
+        if at.status != SOLVED:
+            self._found = self._policy.judge(estimate, assessment, None, (), 0)
+            self._hold(sample.seen_ns)
+            causes = _causes(self._found)
+            told = self._reporter.unsolved(estimate, self._samples, causes) if report else None
+            return (Level.UNKNOWN, causes), told
+        first = self._good is None
+        if first:
+            self._begun_ns = sample.seen_ns
+            self._learn(sample.seen_ns)
+        self._good, self._at, self._stale, self._silence = estimate, at, False, []
+        if self._latch.now.bypassed and not self._is_slow(estimate.velocity):
+            self._latch.end_bypass()  # it was given for slow motion
+        certified = self._predictor.predict(at, estimate.speeds, estimate.prediction_delay_s)
+        reaction = self._reporter.reaction(estimate, assessment)
+        # The speeds at a first sample are unknown; the level is UNKNOWN for a while anyway.
+        better = None if first else self._in_time(at, estimate, certified)
+        counts = assessment.margins if first else better or certified
+        found = self._policy.judge(estimate, assessment, counts, reaction, self._latch.now.causes)
+        late = better is not None
+        if late:
+            found.append(self._policy.rare(estimate, certified))
+        found = self._found = [*found, *self._position.judge(estimate, first), *self._stops.look(estimate)]
+        escape = NO_ESCAPE
+        if found and not self._latch.latched and any(finding.level == Level.STOP for finding in found):
+            escape = escape_of(self.robot.mechanism, at, found, self._position.into_range(estimate, first))
+        moved_freely = self._latch.now.level < Level.STOP
+        self._latch.update(found, sample.seen_ns, escape)
+        if moved_freely and self._latch.now.level >= Level.STOP:
+            self._stops.begin(estimate)
+            self.seen_too_rarely += late
+        level = max([finding.level for finding in found]) if found else OK
+        causes = _causes(found) if found else 0
+        before, self._last = self._last, Moment(estimate.stamp_ns, assessment.margins)
+        if not report:
+            return (level, causes), None
+        told = self._reporter.solved(estimate, assessment, certified, reaction, self._samples, level, causes, before)
+        return (level, causes), told
+
+    def _in_time(self, at: Posture, estimate: Estimate, certified: Margins) -> Margins | None:
+        """The margins until standstill if samples came in time, if late samples are the only reason for a stop; else
+        None."""
+        prediction_delay_s, stop = estimate.in_time_s, self._stop
+        if prediction_delay_s is None or self._latch.latched or spare_of(certified, stop) >= 0.0:
+            return None
+        better = self._predictor.predict(
+            at, self._estimator.in_time(estimate, prediction_delay_s), prediction_delay_s, stop
+        )
+        return better if spare_of(better, stop) >= 0.0 else None
+
+    def _rejected(
+        self, sample: JointSample, why: Rejected, report: bool
+    ) -> tuple[tuple[Level, int], SingularityState | None]:
+        self.rejections[why.cause] = self.rejections.get(why.cause, 0) + 1
+        if not why.harmless:
+            self._found_until_ns = sample.seen_ns + self._stale_ns
+            self._found = [Finding(why.cause, Level.UNKNOWN, nan, nan, "", why.text)]
+            self._hold(sample.seen_ns)
+        told = self._reporter.rejected(sample, self._samples, why.cause) if report else None
+        return (Level.UNKNOWN, why.cause), told
+
+    def _restart(self, restart: Restart) -> None:
+        """Take in a restart: a stop of the previous supervisor may have been in force, and the branch may have changed
+        since."""
+        self._assessor.lose(RESTARTED)
+        self._latch.count_on(restart.event)
+        self._found = [Finding(Cause.BRANCH, Level.UNKNOWN, nan, nan, "", RESTARTED)]
+        self._hold(restart.seen_ns)
+
+    def _reset(self, reset: Reset) -> str:
+        good = self._good
+        if good is None or self._stale:
+            return "no good sample to judge by"
+        if unknown := [f for f in self._found if f.level == Level.UNKNOWN and not f.cause & Cause.BRANCH]:
+            return f"the state of the robot is not known: {unknown[0].text}"
+        if refusal := self._latch.refused(reset.event, self.standing):
+            return refusal  # at once: frequent refused requests must not take the time that samples need
+        seen: Posture | None = None
+        if reset.seed_pose:
+            label = self.settings.assembly_mode
+            followed = None if self._assessor.lost else self._assessor.confirmed(good.position).at.pose
+            seen, doubt = seen_posture(self.robot.mechanism, good.position, reset.seed_pose, label, followed)
+            if doubt:
+                return doubt
+        # The operator has confirmed the branch. Visible faults, such as a wrong mode, are found again.
+        assessment = self._assessor.confirmed(good.position, seen)
+        at = assessment.at
+        predictor = StoppingPredictor(self.settings, self.robot.mechanism)  # nothing was proved of this branch yet
+        certified = predictor.predict(at, good.speeds, good.prediction_delay_s) if at.status == SOLVED else None
+        active = self._policy.judge(good, assessment, certified, self._reporter.reaction(good, assessment), 0)
+        active += self._position.judge(good)
+        escape = escape_of(self.robot.mechanism, at, active, self._position.into_range(good))
+        lost = self._latch.lost
+        refusal = self._latch.reset(reset.event, reset.seen_ns, self.standing, active, escape)
+        if not refusal or lost > self._latch.lost:
+            self._assessor.confirm(seen)
+            self._found, self._at, self._predictor = active, at, predictor
+        return refusal
+
+    def _bypass(self, wish: Bypass) -> str:
+        if self._good is None or self._stale:
+            return "no good sample to judge by"
+        return self._latch.bypass(wish, self.standing, self._found)
+
+    def _assess(self, estimate: Estimate) -> Assessment:
+        """The posture. After a silence the branch is known if no Type 2 singularity can have been met."""
+        silence, lost, at = estimate.silence, estimate.branch_lost, self._at
+        proved = silence is not None and not lost and at is not None
+        if proved and silence is not None and at is not None:
+            certified = self._bounds.least(at, silence.low, silence.high, APART, cuts_of(self.robot.mechanism))
+            if not certified[1] >= LEAST_LIMIT:
+                proved, lost = False, "the robot may have met a Type 2 singularity while no samples came"
+        return self._assessor.assess(estimate.position, lost, proved=proved)
+
+    def _speak(self, event: Event, changed: bool) -> Verdict | None:
+        """The verdict to publish, if any. Every tick is a heartbeat, also one that comes a little early: the next one
+        is a full period away."""
+        rest_ns = round(JUST_NOW * self._heartbeat_ns) if isinstance(event, Tick) else self._heartbeat_ns
+        return self._verdict(event.seen_ns) if changed or event.seen_ns - self._spoken_ns >= rest_ns else None
+
+    def _verdict(self, seen_ns: int) -> Verdict:
+        self._verdicts += 1
+        self._spoken_ns = seen_ns
+        now, end_ns = self._latch.now, self._latch.bypassed_until_ns
+        return Verdict(
+            stamp_ns=self._good.stamp_ns if self._good else 0,
+            level=now.level,
+            causes=now.causes,
+            latched=now.latched,
+            event=now.event,
+            escape_direction=now.escape.direction,
+            text=_text(now.findings),
+            sequence=self._verdicts,
+            config_hash=self._hash,
+            since_ns=now.since_ns,
+            speed_scale=self._recovery_scale() if now.level == Level.STOP else now.speed_scale,
+            findings=now.findings,
+            bypassed=Cause(now.bypassed),
+            bypass_left=max(end_ns - seen_ns, 0) / NS_PER_S if end_ns is not None else 0.0,
+            escape_cause=Cause(now.escape.cause),
+        )
+
+    def _recovery_scale(self) -> float:
+        """Speed scale after a STOP: 0 until the robot is slow, then the share with which the command gate may move it
+        away."""
+        good = self._good
+        if good is None or self._stale:
+            return 0.0
+        return self.settings.recovery_share if self._is_slow(good.velocity) else 0.0
+
+    def _is_slow(self, velocity: Floats) -> bool:
+        """True if no joint is faster than allowed on a way out or during a bypass."""
+        share, slow = self.settings.recovery_share, self.settings.standstill_speed
+        pairs = zip(velocity, self.settings.velocity_limit, strict=True)
+        return all(abs(rate) <= share * most + slow for rate, most in pairs)
+
+
+def _causes(findings: list[Finding]) -> int:
+    causes = 0
+    for finding in findings:
+        causes |= int(finding.cause)
+    return causes
+
+
+def _text(findings: tuple[Finding, ...]) -> str:
+    """All findings as text, the worst one first."""
+    ordered = sorted(findings, key=lambda finding: -finding.level)
+    return "; ".join(finding.text for finding in ordered)

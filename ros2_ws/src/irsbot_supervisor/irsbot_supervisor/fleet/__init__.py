@@ -1,0 +1,1 @@
+"""Many bags judged at the same time, on one machine or several, by Dask. Only `cluster` knows Dask."""

@@ -1,0 +1,1 @@
+"""Commands that pass the supervisor: velocities, trajectories, the hold."""

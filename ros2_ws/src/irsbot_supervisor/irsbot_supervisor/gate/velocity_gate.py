@@ -1,0 +1,247 @@
+"""The command gate for velocities: a commanded motion in, the allowed part of it out.
+
+On approach a command is scaled so that the robot can be stopped before the gate's limits, whatever its drives do from
+then on. These limits lie a little above the stop limits, so a robot commanded through the gate comes to rest before a
+STOP. Motion tangential to a limit passes; the component towards it is removed. After a STOP only motion away from its
+cause passes, at recovery speed, and the margin may not decrease again. In doubt the answer is a hold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+from math import inf, isfinite
+from typing import NamedTuple
+
+from irsbot_kinematics import Mechanism, Posture
+from irsbot_msgs_py.gate_status import GateOutcome, GateReason
+from irsbot_msgs_py.records import Cause, Floats, Level
+from irsbot_supervisor.core.box_search import margins_of_bounds
+from irsbot_supervisor.core.estimation.estimate import Speeds
+from irsbot_supervisor.core.estimation.observer import excess
+from irsbot_supervisor.core.margins import MARGIN_CAUSES, Margins, margins_of, slopes
+from irsbot_supervisor.core.position_limits import PositionLimits
+from irsbot_supervisor.core.reachable_box import position_error
+from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.core.stopping import StoppingPredictor, limits_of, raised
+from irsbot_supervisor.core.view import View
+from irsbot_supervisor.gate.answer import PASSED, Answer, held
+
+RESERVE = 0.02
+"""1: share above the stop limits that a command keeps, so that the gate does not cause the stop that it should avoid:
+the drives lag behind their commands, and the supervisor predicts from a later instant than the gate."""
+
+DIP = 0.002
+"""1: how far the bound of a way out may lie below the best margin since the stop. Bounds over boxes of joints are
+slightly below the margins; after eight cuts, the boxes of a slow path are finer than this."""
+
+STEP = 1.25
+"""1: largest increase of the allowed share from one command to the next."""
+
+LEAST = 0.01
+"""1: smaller shares of a command count as 0."""
+
+NOTHING_GAINED: Margins = (-inf, -inf, -inf, -inf)
+"""Margins to keep on a way out that has not begun."""
+
+
+class Allowed(NamedTuple):
+    """Allowed motion of the joints. rates: rad/s or m/s."""
+
+    rates: Floats
+    answer: Answer
+
+
+class Allowance(NamedTuple):
+    """Speed and margins of a motion that begins now."""
+
+    share: float
+    """1: of the speed limits; 0 means hold."""
+    limits: Margins
+    """Margins that the motion must keep."""
+
+
+class Gate:
+    """Passes the safe part of velocity commands of one robot, and computes the limits for trajectories."""
+
+    def __init__(self, settings: Settings, mechanism: Mechanism) -> None:
+        self._mechanism = mechanism
+        self._best = NOTHING_GAINED  # since the robot stood after a stop, or since the gate's limit was crossed
+        self._along = self._inward = 1.0  # shares of the last command that were allowed
+        self._kind = 0  # the margin that limited it
+        self._stood = False  # since the stop that is in force
+        self._last: Floats = ()  # the requested rates
+        self.configure(settings)
+
+    def configure(self, settings: Settings) -> None:
+        """Take in new limits; the progress of a way out is kept."""
+        self._settings = settings
+        self._predictor = StoppingPredictor(settings, self._mechanism)
+        self._speed = settings.velocity_limit
+        self._slow = settings.standstill_speed
+        self._share = settings.recovery_share
+        self._beat_s, self._latency_s = settings.heartbeat_s, settings.latency_s
+        self._lag_s = settings.heartbeat_s + settings.latency_s  # until the drives follow the next command
+        self._stop = limits_of(settings, "stop")
+        self._keep = raised(self._stop, RESERVE)
+        self._error = (position_error(settings),) * len(settings.velocity_limit)
+        self._slack_m = settings.slack_m
+        self._position = PositionLimits(settings, self._mechanism.joints)
+
+    def velocity(self, wanted: Sequence[float], view: View | None) -> Allowed:
+        """The part of commanded joint velocities (rad/s or m/s, robot order) that is allowed until the next call."""
+        hold = (0.0,) * len(self._speed)
+        if len(wanted) != len(hold) or not all(map(isfinite, wanted)):
+            return Allowed(hold, held(GateReason.INVALID, f"{len(hold)} finite velocities are needed"))
+        if view is None:
+            return Allowed(hold, held(GateReason.UNKNOWN))
+        share, limits = self.allowance(view)
+        if not share > 0.0:
+            return Allowed(hold, held(GateReason.STOP if view.judgement.level == Level.STOP else GateReason.UNKNOWN))
+        excess = max(self._excess(wanted) / share, 1.0)
+        rates = tuple(rate / excess for rate in wanted)
+        kept = self._kept(view, rates, share, limits)
+        inside = self._position.kept(view.at.joints, kept, partial(self._followed, view), view.prediction_delay_s)
+        if inside != kept:
+            return self._limited(inside, wanted, Cause.POSITION)
+        if not self._along == self._inward == 1.0:
+            return self._limited(kept, wanted, MARGIN_CAUSES[self._kind])
+        if excess > 1.0:
+            return Allowed(kept, Answer(GateOutcome.SLOWED, GateReason.SPEED, share=1.0 / excess))
+        return Allowed(kept, PASSED)
+
+    def _limited(self, rates: Floats, wanted: Sequence[float], cause: Cause) -> Allowed:
+        """The allowed part of a command that leads beyond a limit."""
+        if not any(rates):
+            return Allowed(rates, held(GateReason.LIMIT, cause=int(cause)))
+        share = self._excess(rates) / self._excess(wanted)
+        return Allowed(rates, Answer(GateOutcome.LIMITED, GateReason.LIMIT, int(cause), share))
+
+    def allowance(self, view: View) -> Allowance:
+        """Speed share and margins of a motion that begins now. Every call counts: it remembers the best margins since a
+        stop."""
+        share = self._allowed_share(view)
+        return Allowance(share, self._limits(view) if share > 0.0 else self._keep)
+
+    def _allowed_share(self, view: View) -> float:
+        """Share of the speed limits that a command may use now; 0 means hold. After a STOP the robot has to stand
+        first: the way out begins there, and the margin lost during braking was never gained."""
+        level = view.judgement.level
+        if level == Level.STOP:
+            if not self._stood and all(abs(rate) <= self._slow for rate in view.velocity):
+                self._stood, self._best = True, NOTHING_GAINED
+            return self._share if self._stood else 0.0
+        self._stood = False
+        return view.judgement.speed_scale if level < Level.STOP else 0.0
+
+    def _limits(self, view: View) -> Margins:
+        """Margins that a motion from here must keep: the gate's limits or, on the way out, the best margins since the
+        stop."""
+        stopped_by = view.judgement.causes if view.judgement.level == Level.STOP else 0
+        if view.judgement.level == Level.STOP:
+            certified = margins_of_bounds(self._mechanism.certified_bounds(view.at, self._error, self._slack_m))
+        else:  # the margins that it would keep at rest here
+            rest = excess(self._settings, 0.5 * view.expected_s)
+            certified = self._predictor.predict(view.at, Speeds(rest, rest), view.prediction_delay_s, self._keep)
+        limits, best = [], []
+        for kind, now, last, keep, stop in zip(
+            MARGIN_CAUSES, certified, self._best, self._keep, self._stop, strict=True
+        ):
+            caused = bool(stopped_by & kind)
+            if view.judgement.bypassed & kind:  # it may be lost: an operator has said so
+                best.append(-inf)
+                limits.append(-inf)
+                continue
+            gained = max(now, last) if caused or now < keep else -inf
+            best.append(gained)
+            limits.append(gained - DIP if caused else min(keep, max(gained - DIP, stop)) if gained > -inf else keep)
+        self._best = (best[0], best[1], best[2], best[3])
+        return limits[0], limits[1], limits[2], limits[3]
+
+    def _excess(self, rates: Sequence[float]) -> float:
+        """Factor by which the fastest joint exceeds its limit."""
+        return max(abs(rate) / limit for rate, limit in zip(rates, self._speed, strict=True))
+
+    def _beyond(self, view: View, rates: Floats, limits: Margins) -> int | None:
+        """The margin that cannot be kept at these rates; None if all can."""
+        if not any(rates):
+            return None
+        if view.judgement.level == Level.STOP:  # a way out begins where nothing can be stopped: the slow command counts
+            certified = self._predictor.along(view.at, rates, view.prediction_delay_s + self._lag_s, limits)
+        else:
+            speeds, moved = self._followed(view, rates)
+            certified = self._predictor.predict(view.at, speeds, view.prediction_delay_s, limits, moved)
+        if all(have >= want for have, want in zip(certified, limits, strict=True)):
+            return None
+        now = margins_of(view.at)  # where nothing can be bounded, the nearest limit speaks
+        lack = [(have - want, have_now - want) for have, have_now, want in zip(certified, now, limits, strict=True)]
+        return lack.index(min(lack))
+
+    def _followed(self, view: View, rates: Floats) -> tuple[Speeds, tuple[Floats, Floats]]:
+        """Bounds of the joint speeds after the joints have followed a command for a heartbeat, and of the motion until
+        then (rad or m). The joints keep their rates during the latency; joints that become slower brake then."""
+        forward: list[float] = []
+        backward: list[float] = []
+        low: list[float] = []
+        high: list[float] = []
+        more, limits = excess(self._settings, 0.5 * view.expected_s), self._settings.deceleration_limit
+        for now, rate, up, down, brake, e in zip(view.velocity, rates, *view.speeds, limits, more, strict=True):
+            known = now == now
+            for sign, most, speeds, ways in ((1.0, up, forward, high), (-1.0, down, backward, low)):
+                begin = max(sign * now, 0.0) if known else most
+                end = max(sign * rate, begin - brake * self._beat_s, 0.0)
+                speeds.append(end + e)
+                ways.append(sign * (begin * self._latency_s + max(0.5 * (begin + end), end) * self._beat_s))
+        return Speeds(tuple(forward), tuple(backward)), (tuple(low), tuple(high))
+
+    def _kept(self, view: View, rates: Floats, share: float, limits: Margins) -> Floats:
+        """The part of the rates that keeps the limits. The whole of a new command is tried; otherwise the search begins
+        with the last allowed share: a little more, the same, less. So a command needs a few predictions, not a
+        search."""
+        if self._along == self._inward == 1.0 or rates != self._last:
+            kind = self._beyond(view, rates, limits)
+            self._last = rates
+            if kind is None:
+                self._along = self._inward = 1.0
+                return rates
+            self._kind = kind
+        along, inward = self._split(view.at, rates, self._kind)
+        if (faster := self._excess(along) / share) > 1.0:  # a part can have a component that the whole has not
+            along, inward = tuple(r / faster for r in along), tuple(r / faster for r in inward)
+        for shares in _fewer(self._along, self._inward):
+            self._along, self._inward = shares
+            kept = tuple(shares[0] * a + shares[1] * b for a, b in zip(along, inward, strict=True))
+            kind = self._beyond(view, kept, limits)
+            if kind is None:
+                return kept
+            self._kind = kind
+        raise AssertionError("standing still is always allowed")
+
+    def _split(self, at: Posture, rates: Floats, kind: int) -> tuple[Floats, Floats]:
+        """Rates along the level lines of a margin, and the part that decreases it. In units of the speed limits."""
+        speed = self._speed
+        slope = [s * limit for s, limit in zip(slopes(self._mechanism, at, kind), speed, strict=True)]
+        square = sum([s * s for s in slope])
+        towards = sum([s * rate / limit for s, rate, limit in zip(slope, rates, speed, strict=True)])
+        if not (square > 0.0 and towards < 0.0):
+            return rates, (0.0,) * len(rates)
+        inward = tuple(towards / square * s * limit for s, limit in zip(slope, speed, strict=True))
+        return tuple(rate - part for rate, part in zip(rates, inward, strict=True)), inward
+
+
+def _fewer(along: float, inward: float) -> Iterator[tuple[float, float]]:
+    """Shares of the motion along a limit and towards it: from a little more than now down to none."""
+    if along == 1.0:
+        towards = inward
+        yield 1.0, min(max(inward, LEAST) * STEP, 1.0)
+        while towards >= LEAST:
+            yield 1.0, towards
+            towards /= STEP
+    elif along >= LEAST:
+        yield min(along * STEP, 1.0), 0.0
+    else:
+        along = LEAST * STEP
+    while along >= LEAST:
+        yield along, 0.0
+        along /= STEP
+    yield 0.0, 0.0

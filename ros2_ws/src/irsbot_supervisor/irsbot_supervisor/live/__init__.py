@@ -1,0 +1,1 @@
+"""A running suite as a page that a browser shows live. It only listens, and nobody waits for it."""

@@ -1,0 +1,157 @@
+"""What a live page is told: the last seconds as rows, and the newest look. Without ROS and without a clock."""
+
+from __future__ import annotations
+
+import json
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+from irsbot_kinematics import KinematicsError
+from irsbot_msgs_py.records import CONSUMER_TIMEOUT_S, SingularityState, cause_names
+from irsbot_supervisor.core.margins import MARGIN_CAUSES
+from irsbot_supervisor.core.settings import InvalidSettings
+from irsbot_supervisor.live.scene import Scene
+from irsbot_supervisor.processes.observed import Change, Seen
+from irsbot_supervisor.replay.run_summary import margin_of
+from irsbot_supervisor.report.json_values import plain
+from irsbot_supervisor.report.series import rounded
+
+HISTORY_S = 30.0
+"""s that a page shows."""
+
+CHANGES = 8
+"""Changes of the verdict that a page lists."""
+
+BOX_EVERY = 3
+"""Looks between two drawings of the reachable box: it takes longer than the rest."""
+
+Draw = Callable[[Scene, SingularityState], None]
+"""Asked once for a robot, with its first known pose, to find what stands still; it answers with `Feed.show`."""
+
+
+@dataclass
+class Known:
+    """What one page has been told."""
+
+    setup: int = 0
+    row: int = 0
+    change: Change | None = None
+
+
+class Feed:
+    """Remembers looks at one suite, and tells a page what it does not know yet."""
+
+    def __init__(self, draw: Draw) -> None:
+        self._draw = draw
+        self._rows: deque[list[Any]] = deque()
+        self._count = 0  # rows until now
+        self._now: dict[str, Any] = {}
+        self._changes: list[dict[str, Any]] = []
+        self._change: Change | None = None  # the newest of them
+        self._setup: dict[str, Any] = {}
+        self._number = 0  # of the setup: it changes when the setup does
+        self._scene: Scene | None = None
+        self._configured: tuple[Mapping[str, Any], Mapping[str, Any]] = {}, {}
+        self._asked = False
+        self._box: list[Any] = []
+
+    def hear(self, seen: Seen, now_s: float) -> None:
+        """A new look."""
+        if (seen.limits, seen.machine) != self._configured:
+            self._configure(seen)
+        scene, state = self._scene, seen.state if seen.state_age_s <= CONSUMER_TIMEOUT_S else None
+        if scene is None or state is None or len(state.joint_position) != len(scene.mechanism.joints):
+            state = None
+        elif not self._asked and all(map(isfinite, state.pose)):
+            self._asked = True
+            self._draw(scene, state)
+        self._rows.append(self._row(seen, state, now_s))
+        self._count += 1
+        while now_s - self._rows[0][0] > HISTORY_S:
+            self._rows.popleft()
+        if scene is None or state is None:
+            self._box = []
+        elif self._count % BOX_EVERY == 0:
+            self._box = [list(map(rounded, line)) for line in scene.reachable(state, 1.0 / max(seen.state_hz, 1.0))]
+        self._now = plain({"t": now_s, **_now(seen, state), "box": self._box})
+        if seen.changes[-1:] != (self._change,) and seen.changes:
+            self._change = seen.changes[-1]
+            self._changes = [
+                {"t": one.time_s, "level": one.level.name, "causes": cause_names(one.causes), "text": one.text}
+                for one in seen.changes[-CHANGES:]
+            ]
+
+    def show(self, scene: Scene, view: dict[str, Any]) -> None:
+        """What stands still of a robot, unless another one is supervised by now."""
+        if scene is self._scene:
+            self._set({**self._setup, "view": view})
+
+    def answer(self, known: Known) -> str:
+        """JSON: `setup` and `changes` if the page has others, `rows` since the last, and `now`."""
+        told: dict[str, Any] = {"now": self._now}
+        if known.setup != self._number:
+            told["setup"] = self._setup
+        if known.change is not self._change:
+            told["changes"] = self._changes
+        new = min(self._count - known.row, len(self._rows))
+        told["rows"] = [self._rows[place] for place in range(len(self._rows) - new, len(self._rows))]
+        known.setup, known.row, known.change = self._number, self._count, self._change
+        return json.dumps(told, allow_nan=False, separators=(",", ":"))
+
+    def _configure(self, seen: Seen) -> None:
+        before, self._configured = self._scene, (seen.limits, seen.machine)
+        try:
+            self._scene = Scene(seen.limits, seen.machine)
+            setup = self._scene.setup()
+        except (KinematicsError, InvalidSettings) as error:  # of another version, or of a file that is not here
+            self._scene, setup = None, {"robot": str(seen.machine.get("name", "")), "note": str(error)}
+        if before is None or self._scene is None or before.record != self._scene.record:
+            self._asked = False
+        else:
+            setup["view"] = self._setup.get("view")  # other limits, the same robot
+        self._set(setup)
+
+    def _set(self, setup: dict[str, Any]) -> None:
+        self._setup = plain(setup)
+        self._number += 1
+
+    def _row(self, seen: Seen, state: SingularityState | None, now_s: float) -> list[Any]:
+        """Time, level, columns, pose and joints; None for what is not known."""
+        head = [now_s, seen.level.name]
+        if state is None or self._scene is None:
+            return [*head, [], [], {}]
+        margins = [margin_of(state, kind) for kind in MARGIN_CAUSES] if state.type1_margin else []
+        joints = self._scene.joints(state)
+        columns = rounded([*margins, state.stop_margin]) if margins else []
+        return [*head, columns, rounded(state.pose), dict(zip(joints, rounded(joints.values()), strict=True))]
+
+
+def _now(seen: Seen, state: SingularityState | None) -> dict[str, Any]:
+    """The newest look. Ages in s, None for what was never heard."""
+    verdict = seen.verdict
+    return {
+        "level": seen.level.name,
+        "verdict": None
+        if verdict is None
+        else {
+            "level": verdict.level.name,
+            "causes": cause_names(verdict.causes),
+            "text": verdict.text,
+            "findings": [finding.text for finding in verdict.findings],
+            "latched": verdict.latched,
+            "event": verdict.event,
+            "speed_scale": verdict.speed_scale,
+        },
+        "stop_limit": state.stop_limit if state else None,
+        "time_to_stop": state.time_to_stop if state else None,
+        "sample_age_s": state.sample_age if state else None,
+        "compute_s": state.compute_time if state else None,
+        "silent": seen.verdict_age_s > CONSUMER_TIMEOUT_S,
+        "verdict_age_s": seen.verdict_age_s,
+        "state_age_s": seen.state_age_s,
+        "verdict_hz": seen.verdict_hz,
+        "state_hz": seen.state_hz,
+    }

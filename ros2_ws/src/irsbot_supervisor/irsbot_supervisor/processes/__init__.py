@@ -1,0 +1,1 @@
+"""Processes of the suite: start them, listen to them, operate them."""

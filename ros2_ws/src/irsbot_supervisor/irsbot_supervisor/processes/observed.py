@@ -1,0 +1,108 @@
+"""State of a running suite from received messages: newest state and verdict, limits, rates, ages, changes. Without ROS
+and without a clock: times are arguments, s on any steady clock."""
+
+from __future__ import annotations
+
+import contextlib
+from collections import deque
+from collections.abc import Mapping
+from math import inf
+from typing import Any, NamedTuple
+
+from irsbot_msgs_py.cdr import CdrError, decode_state
+from irsbot_msgs_py.records import CONSUMER_TIMEOUT_S, Level, SingularityState, Verdict
+from irsbot_supervisor.bag.journal import Configuration, JournalError, read_entry
+
+RATE_S = 1.0
+"""s over which rates are counted."""
+
+CHANGES = 100
+"""Number of changes of the verdict that are remembered."""
+
+
+class Change(NamedTuple):
+    """A verdict that differs from the one before in level, causes, latch or bypass."""
+
+    time_s: float
+    level: Level
+    causes: int
+    text: str
+
+
+class Seen(NamedTuple):
+    """A snapshot of a suite. Ages are inf and rates 0 for messages that never came."""
+
+    level: Level  # level for a consumer: UNKNOWN also if verdicts are missing or too old
+    verdict: Verdict | None
+    state: SingularityState | None
+    limits: Mapping[str, Any]  # settings by name; empty before the first journal entry
+    machine: Mapping[str, Any]  # record of the robot; likewise
+    verdict_age_s: float
+    state_age_s: float
+    verdict_hz: float
+    state_hz: float
+    changes: tuple[Change, ...]
+
+
+class Observed:
+    """Collects received messages."""
+
+    def __init__(self) -> None:
+        self._verdict: Verdict | None = None
+        self._state = b""
+        self._limits: Mapping[str, Any] = {}
+        self._machine: Mapping[str, Any] = {}
+        self._times: dict[str, deque[float]] = {"verdict": deque(), "state": deque()}
+        self._changes: deque[Change] = deque(maxlen=CHANGES)
+
+    def hear_verdict(self, verdict: Verdict, now_s: float) -> None:
+        """Take in a verdict."""
+        before, self._verdict = self._verdict, verdict
+        self._count("verdict", now_s)
+        if before is None or _essence(before) != _essence(verdict):
+            self._changes.append(Change(now_s, verdict.level, verdict.causes, verdict.text))
+
+    def hear_state(self, data: bytes, now_s: float) -> None:
+        """Take in a state, as CDR; only the newest is ever decoded."""
+        self._state = data
+        self._count("state", now_s)
+
+    def hear_journal(self, line: str) -> None:
+        """Take in a line of the journal, which contains the limits and the robot."""
+        with contextlib.suppress(JournalError):
+            entry = read_entry(line)
+            if isinstance(entry, Configuration):
+                self._limits, self._machine = entry.values, entry.machine
+
+    def look(self, now_s: float) -> Seen:
+        """The present snapshot."""
+        state = None
+        with contextlib.suppress(CdrError):
+            state = decode_state(self._state) if self._state else None
+        ages = {name: now_s - times[-1] if times else inf for name, times in self._times.items()}
+        fresh = self._verdict is not None and ages["verdict"] <= CONSUMER_TIMEOUT_S
+        return Seen(
+            self._verdict.level if self._verdict is not None and fresh else Level.UNKNOWN,
+            self._verdict,
+            state,
+            self._limits,
+            self._machine,
+            ages["verdict"],
+            ages["state"],
+            self._rate("verdict", now_s),
+            self._rate("state", now_s),
+            tuple(self._changes),
+        )
+
+    def _count(self, name: str, now_s: float) -> None:
+        times = self._times[name]
+        times.append(now_s)
+        while now_s - times[0] > RATE_S:
+            times.popleft()
+
+    def _rate(self, name: str, now_s: float) -> float:
+        return sum(now_s - time_s <= RATE_S for time_s in self._times[name]) / RATE_S
+
+
+def _essence(verdict: Verdict) -> tuple[Any, ...]:
+    return verdict.level, verdict.causes, verdict.latched, verdict.event, verdict.bypassed

@@ -1,0 +1,1 @@
+"""Joint paths, and certificates that a planned motion keeps its limits."""

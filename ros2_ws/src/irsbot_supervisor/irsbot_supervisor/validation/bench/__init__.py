@@ -1,0 +1,1 @@
+"""Benchmarks of one sample, batches, transport and start-up."""

@@ -1,0 +1,93 @@
+"""Measurements and goals, as rows for people and programs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from statistics import median
+from typing import NamedTuple
+
+import numpy as np
+
+from irsbot_supervisor.validation.bench.batch import Batch
+from irsbot_supervisor.validation.bench.one_sample import OneSample
+from irsbot_supervisor.validation.bench.startup import Start
+from irsbot_supervisor.validation.bench.transport import RAW, SUPERVISED, TYPED, Run
+
+
+class Row(NamedTuple):
+    """One goal and its measurement."""
+
+    goal: str
+    what: str
+    limit: float
+    at_least: bool
+    measured: float
+    unit: str
+
+    @property
+    def met(self) -> bool:
+        """False for a value that could not be measured (NaN)."""
+        return self.measured >= self.limit if self.at_least else self.measured <= self.limit
+
+
+class Measured(NamedTuple):
+    """All measurements; empty or None for those left out."""
+
+    one_sample: Sequence[OneSample] = ()
+    transport: Sequence[Run] = ()
+    batch: Batch | None = None
+    startup: Sequence[Start] = ()
+
+
+def rows(measured: Measured) -> list[Row]:
+    """One row per goal that was measured."""
+    found: list[Row] = []
+    if measured.transport:
+        found += _transport(measured.transport)
+    if measured.one_sample:
+        found += _one_sample(measured.one_sample)
+    if measured.batch is not None:
+        rate = measured.batch.samples_per_s * 1e-6
+        found.append(Row("P5", "batch: margins with numpy alone", 5.5, True, rate, "Msamples/s"))
+    if measured.startup:
+        first = median(start.first_verdict_s for start in measured.startup)
+        memory = max(start.resident_mb for start in measured.startup)
+        found.append(Row("P8", "process start to first verdict", 1.0, False, first, "s"))
+        found.append(Row("P8", "resident memory at the first judgement", 75.0, False, memory, "MB"))
+    return found
+
+
+def _transport(runs: Sequence[Run]) -> list[Row]:
+    raw, typed, ours = ([run for run in runs if run.subject == name] for name in (RAW, TYPED, SUPERVISED))
+    lost = float(sum(run.lost for run in ours))
+    return [
+        Row("P1", "latency p50 / raw relay", 1.10, False, _ratio(ours, raw, "p50_us"), "x"),
+        Row("P1", "latency p99 / raw relay", 1.30, False, lower_quartile(ours) / lower_quartile(raw), "x"),
+        Row("P1", "latency p50 / typed relay", 0.75, False, _ratio(ours, typed, "p50_us"), "x"),
+        Row("P2", "CPU per message / raw relay", 1.15, False, _ratio(ours, raw, "cpu_us"), "x"),
+        Row("P2", "CPU per message / typed relay", 0.35, False, _ratio(ours, typed, "cpu_us"), "x"),
+        Row("P3", "samples lost at 1 kHz", 0.0, False, lost, ""),
+    ]
+
+
+def _ratio(ours: Sequence[Run], theirs: Sequence[Run], field: str) -> float:
+    """Median over the rounds: both subjects of a round ran on the same machine."""
+    return float(median(getattr(a, field) / getattr(b, field) for a, b in zip(ours, theirs, strict=True)))
+
+
+def lower_quartile(runs: Sequence[Run]) -> float:
+    """us, lower quartile of the 99th percentiles: the upper rounds include other work of the machine."""
+    return float(np.percentile([run.p99_us for run in runs], 25.0))
+
+
+def _one_sample(results: Sequence[OneSample]) -> list[Row]:
+    first, *others = results
+    found = [
+        Row("P4", f"one step, median, {first.robot}", 12.0, False, first.median_us, "us"),
+        Row("P4", f"one step, worst, {first.robot}", 150.0, False, first.worst_us, "us"),
+    ]
+    if others:
+        slowest = max(others, key=lambda result: result.median_us)
+        what = f"one step, median, slowest other robot ({slowest.robot})"
+        found.append(Row("P4", what, 25.0, False, slowest.median_us, "us"))
+    return found

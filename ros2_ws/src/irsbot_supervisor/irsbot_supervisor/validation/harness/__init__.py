@@ -1,0 +1,1 @@
+"""Parts that campaigns share: rows, runner, oracle, test client, input stream."""

@@ -1,0 +1,1 @@
+"""Campaigns that run the core in this process."""

@@ -1,0 +1,167 @@
+"""Postures at rest that a supervisor only just allows, next to a stop limit: attacks begin there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from math import ceil, inf
+from typing import NamedTuple
+
+import numpy as np
+
+from irsbot_kinematics import Robot
+from irsbot_msgs_py.records import JointSample, Level, SingularityState
+from irsbot_supervisor.core.estimation.sample_interval import SETTLING
+from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.core.supervisor import Supervisor
+from irsbot_supervisor.validation.harness.oracle import (
+    Array,
+    accelerations,
+    good_postures,
+    joint_ranges,
+    limits,
+    margins_along,
+)
+from irsbot_supervisor.validation.in_process.deceit import Attack, Deceit, Timing, told
+from irsbot_supervisor.validation.in_process.hostile import DrivenMotion
+
+PERIODS_S = (0.001, 0.001, 0.002, 0.0005)
+BURSTS = (1, 1, 1, 4)
+AGES_S = (0.0, 0.0005, 0.003)
+COARSE = {"encoder_resolution": 5e-4, "encoder_offset": 2e-4}
+"""Encoder resolution of every fourth place."""
+
+ASIDE_S = 0.006
+"""s of full acceleration: at this distance from an edge, errors do not forbid a posture that is allowed without
+them."""
+PROBE_S = 0.03
+"""s at rest after which the published state is read."""
+WARM = 1.15
+"""1: multiple of the wait for OK for which a robot stands before anything begins."""
+LOOKS = 200
+"""Number of points on a line at which a stop limit is searched."""
+HALVINGS, ROUGH_HALVINGS = 9, 4
+TRIES = 200
+"""Number of consecutive lines without a usable place before a robot is given up."""
+PROBE = 1e-5
+"""rad or m: step of the differences that give the slope of a margin."""
+
+
+class Edge(NamedTuple):
+    """A posture at rest that is only just allowed."""
+
+    settings: Settings
+    timing: Timing
+    place: Array  # (n,) rad or m
+    base: Array  # (n,) from where a straight line leads to the place
+    afar: bool  # a robot that is switched on at the place is not let go; it has to come from the base
+    down: Array  # (n,) -1..1: steepest descent of the margin nearest its stop limit, in units of the velocity limits
+
+    def back(self, seconds: float) -> Edge:
+        """The posture farther from the limit by the path of full acceleration in this time."""
+        way = 0.5 * self.down * np.array(accelerations(self.settings)) * seconds**2
+        return self._replace(place=self.place - way)
+
+
+def published(state: SingularityState | None) -> float:
+    """1: distance of the published stop margin from its limit, relative to it; NaN if it is not known."""
+    return (state.stop_margin - state.stop_limit) / state.stop_limit if state is not None else np.nan
+
+
+def edges(robot: Robot, shipped: Settings, number: int, rng: np.random.Generator) -> Iterator[Edge]:
+    """Postures on random lines from good postures to a stop limit; fewer than requested if there are hardly any."""
+    low, high = joint_ranges(robot)
+    found = tries = 0
+    while found < number and tries < TRIES:
+        for start in good_postures(robot, shipped, 8, rng):
+            coarse = (
+                {name: max(value, getattr(shipped, name)) for name, value in COARSE.items()} if found % 4 == 3 else {}
+            )
+            settings = replace(shipped, dwell_s=0.0, **coarse)
+            timing = Timing(float(rng.choice(PERIODS_S)), int(rng.choice(BURSTS)), float(rng.choice(AGES_S)))
+            way = (high - low) * rng.uniform(-0.5, 0.5, len(start))
+            place = _last_allowed(robot, settings, timing, start, way)
+            down = None if place is None else descent(robot, settings, place)
+            tries += 1
+            if place is not None and down is not None:
+                edge = Edge(settings, timing, place, start, False, down)
+                if not _is_let_go(robot, edge, edge.back(ASIDE_S).place):
+                    if not _is_let_go(robot, edge, start):
+                        continue
+                    edge = edge._replace(base=_last_start(robot, edge), afar=True)
+                yield edge
+                found, tries = found + 1, 0
+            if found == number:
+                return
+
+
+def descent(robot: Robot, settings: Settings, place: Array) -> Array | None:
+    """(n,) steepest descent of the margin nearest its stop limit, in units of the velocity limits and at most 1; None
+    if there is none."""
+    n, speeds, stop = len(place), np.array(settings.velocity_limit), limits(settings, "stop")
+    around = np.repeat(place[None], 2 * n + 1, axis=0)
+    around[1 : n + 1] += PROBE * np.eye(n)
+    around[n + 1 :] -= PROBE * np.eye(n)
+    found = margins_along(robot, settings, around)
+    kind = int(((found[0] - stop) / stop).argmin())
+    slope = (found[1 : n + 1, kind] - found[n + 1 :, kind]) * speeds
+    steepest = np.abs(slope).max()
+    return -slope / steepest if 0.0 < steepest < np.inf else None
+
+
+def _last_allowed(robot: Robot, settings: Settings, timing: Timing, start: Array, way: Array) -> Array | None:
+    """The posture on a line that is only just allowed; None if the start is not allowed, or if the line meets no stop
+    limit."""
+    shares = np.linspace(0.0, 1.0, LOOKS)
+    crossed = (margins_along(robot, settings, start + shares[:, None] * way) < limits(settings, "stop")).any(axis=1)
+    if not crossed.any() or not _published_at(robot, settings, timing, start) >= 0.0:
+        return None
+    near, far = 0.0, float(shares[crossed.argmax()])
+    for _ in range(HALVINGS):
+        middle = 0.5 * (near + far)
+        if _published_at(robot, settings, timing, start + middle * way) >= 0.0:
+            near = middle
+        else:
+            far = middle
+    return start + near * way
+
+
+def _published_at(robot: Robot, settings: Settings, timing: Timing, place: Array) -> float:
+    """State that is published at rest in a posture."""
+    supervisor, state = Supervisor(settings, robot), None
+    for sample in _standing(settings, timing, place, PROBE_S):
+        state = supervisor.step(sample).state
+    return published(state)
+
+
+def _is_let_go(robot: Robot, edge: Edge, place: Array) -> bool:
+    """True if a robot that is switched on there, and stands, is allowed to move after the wait for OK."""
+    supervisor, level = Supervisor(edge.settings, robot), Level.UNKNOWN
+    for sample in _standing(edge.settings, edge.timing, place, wait_s(edge.settings, edge.timing)):
+        verdict = supervisor.step(sample).verdict
+        level = level if verdict is None else verdict.level
+    return level < Level.STOP
+
+
+def _last_start(robot: Robot, edge: Edge) -> Array:
+    """The posture nearest to an edge, on the line to it, in which a robot that is switched on is allowed to move."""
+    near, far = 0.0, 1.0
+    for _ in range(ROUGH_HALVINGS):
+        middle = 0.5 * (near + far)
+        if _is_let_go(robot, edge, edge.base + middle * (edge.place - edge.base)):
+            near = middle
+        else:
+            far = middle
+    return np.asarray(edge.base + near * (edge.place - edge.base))
+
+
+def wait_s(settings: Settings, timing: Timing) -> float:
+    """s after which a standing robot in an allowed posture may move."""
+    return WARM * SETTLING * settings.stale_s + timing.burst * timing.period_s
+
+
+def _standing(settings: Settings, timing: Timing, place: Array, seconds: float) -> list[JointSample]:
+    number = max(ceil(seconds / timing.period_s), 2 * timing.burst)
+    nothing = Deceit("right", "rounded", np.zeros(len(place)), np.empty(0), np.empty(0), np.empty(0))
+    rest = Attack(inf, np.zeros(len(place)))
+    return told(DrivenMotion(place, (), settings), rest, nothing, timing, settings, 0, 0, number)

@@ -1,0 +1,204 @@
+"""Ways out of a stop through the command gate: motion away passes, motion towards is blocked, OK is reached, levels do
+not flicker.
+
+A robot moves beyond a limit, past the gate, and is stopped. From there, velocity commands in many directions go through
+the gate, each for a while. Then the robot is moved along the escape direction until its margins are large again, and
+reset. Differences of the true margins decide what is away and what is towards.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from copy import deepcopy
+from itertools import dropwhile, groupby
+from typing import NamedTuple
+
+import numpy as np
+
+from irsbot_kinematics import Posture, Robot
+from irsbot_msgs_py.records import Level
+from irsbot_supervisor.configuration.loading import read_settings
+from irsbot_supervisor.core.box_search import margins_of_bounds
+from irsbot_supervisor.core.margins import MARGIN_CAUSES, margins_of
+from irsbot_supervisor.core.reachable_box import position_error
+from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.gate.velocity_gate import DIP
+from irsbot_supervisor.sim.closed_loop import GuidedRobot
+from irsbot_supervisor.validation.harness.oracle import (
+    Array,
+    followed,
+    good_postures,
+    limits,
+    margins_along,
+    supervised,
+)
+from irsbot_supervisor.validation.harness.rows import Job, Row, Tally
+
+NAME = "escape"
+MUST = "away moves, toward is blocked, OK is reached, no chatter"
+
+DIRECTIONS = 16
+"""Number of commands that are tried from every stopped state."""
+TRIED_BEATS = 10
+"""Number of heartbeats for which each is tried."""
+SPEEDS = (0.3, 1.0)
+"""1: share of full speed with which a robot moves to a limit, lowest and highest."""
+RUN_BEATS = 200
+"""Number of heartbeats after which a run that has met no limit is given up."""
+REST_BEATS = 16
+"""Number of heartbeats in which dwell times pass and a slow robot comes to rest."""
+ESCAPE_BEATS = 1500
+"""Number of heartbeats in which a robot at recovery speed has crossed any margin."""
+CLEAR_SLOPE = 0.02
+"""1/rad or 1/m: directions in which a margin changes less than this count as neither away nor towards."""
+PROBE = 1e-5
+"""rad or m: step of the differences."""
+BACK = 1.1
+"""1: share of the warning limits at which a robot counts as out of the limit."""
+MOST_LEVELS = 4
+"""Largest number of levels from a stop on: STOP, and after the reset at most WARN, OK, WARN. Earlier warnings belong to
+the run."""
+
+
+class Stopped(NamedTuple):
+    """A robot that moved beyond a limit and stands, latched."""
+
+    guided: GuidedRobot
+    at: Posture  # where it truly is: on the branch on which it began, which not every robot can tell by a label
+
+
+def run(job: Job) -> Row:
+    """The row: a case is a stopped state, the same number for every robot."""
+    tally = Tally(NAME, job)
+    names = job.robots or supervised()
+    tally.figures.update({"away moved": 0.0, "toward blocked": 0.0, "reached OK": 0.0})
+    for k, name in enumerate(names):
+        rng = np.random.default_rng([job.seed, k])
+        settings, robot = read_settings(name)
+        for stopped in stopped_robots(robot, settings, -(-job.amount // len(names)), rng):
+            unsafe, failed = _try_directions(stopped, rng, tally)
+            failed = failed or _lead_out(deepcopy(stopped), tally)
+            tally.case(f"{name}: {unsafe}" if unsafe else "", f"{name}: {failed}" if failed else "")
+    return tally.row()
+
+
+def stopped_robots(robot: Robot, settings: Settings, number: int, rng: np.random.Generator) -> Iterator[Stopped]:
+    """Stopped robots, each with another run."""
+    found = 0
+    while found < number:
+        for start in good_postures(robot, settings, number - found, rng):
+            guided = GuidedRobot(robot, settings, tuple(start.tolist()))
+            at = robot.mechanism.posture(tuple(start.tolist()), settings.assembly_mode)
+            for _ in range(REST_BEATS):
+                guided.drift()
+            direction = rng.uniform(-1.0, 1.0, len(start))
+            speed = rng.uniform(*SPEEDS) * np.array(settings.velocity_limit)
+            rates = tuple((speed * direction / np.abs(direction).max()).tolist())
+            for _ in range(RUN_BEATS):
+                guided.rush(rates)
+                at = _followed(guided, at)
+                if guided.now.level >= Level.STOP:
+                    break
+            for _ in range(2 * REST_BEATS):  # the commands continue, now through the gate
+                guided.beat(rates)
+                at = _followed(guided, at)
+            if guided.now.latched and guided.now.level == Level.STOP and _kinds(guided):
+                found += 1
+                yield Stopped(guided, at)
+
+
+def _followed(guided: GuidedRobot, at: Posture) -> Posture:
+    """True present posture of the robot."""
+    robot = guided.supervisor.robot
+    if robot.mechanism.label_is_invariant:
+        return at
+    *_, now = followed(robot, np.array([guided.drives.now.position]), at)
+    return now
+
+
+def _try_directions(stopped: Stopped, rng: np.random.Generator, tally: Tally) -> tuple[str, str]:
+    """Commands in all directions from a stopped state; returns what was unsafe, and what failed."""
+    guided, at = stopped
+    settings, robot = guided.settings, guided.supervisor.robot
+    start, speed = np.array(guided.drives.now.position), np.array(settings.velocity_limit)
+    kinds = _kinds(guided)
+    most = DIP + PROBE + _uncertain(guided, kinds)
+    unsafe = failed = ""
+    for _ in range(DIRECTIONS):
+        direction = rng.normal(size=len(start))
+        direction /= np.abs(direction).max()
+        tried = deepcopy(guided)
+        way = [start]
+        for _beat in range(TRIED_BEATS):
+            tried.beat(tuple((speed * direction).tolist()))
+            way.append(np.array(tried.drives.now.position))
+        found = margins_along(robot, settings, np.array(way), at)[:, kinds]
+        slopes = _slopes(stopped, direction)[kinds]
+        lost = float((found[0] - found).max())
+        tally.largest("most that was lost of a margin", lost)
+        if not lost <= most:
+            unsafe = unsafe or f"a margin fell by {lost:.4f} on the way out"
+        if slopes.min() > CLEAR_SLOPE:
+            moved = bool(np.abs(way[-1] - start).max() > 0.0)
+            tally.add("away moved", float(moved))
+            failed = failed or ("" if moved else "motion away was held")
+        elif slopes.min() < -CLEAR_SLOPE:
+            tally.add("toward blocked", float(lost <= most))
+    return unsafe, failed
+
+
+def _uncertain(guided: GuidedRobot, kinds: list[int]) -> float:
+    """Uncertainty of the margins of a stop by the errors of the joints: the gate keeps bounds of them."""
+    settings, mechanism, view = guided.settings, guided.supervisor.robot.mechanism, guided.supervisor.view
+    assert view is not None, "a stopped robot is known"
+    errors = (position_error(settings),) * len(mechanism.joints)
+    certified = margins_of_bounds(mechanism.certified_bounds(view.at, errors, settings.slack_m))
+    return max(margins_of(view.at)[kind] - certified[kind] for kind in kinds)
+
+
+def _lead_out(stopped: Stopped, tally: Tally) -> str:
+    """Move along the escape direction until the margins are large, then reset. Returns the fault, or empty."""
+    guided, at = stopped
+    settings, robot = guided.settings, guided.supervisor.robot
+    kinds = _kinds(guided)
+    rates = tuple(v * e for v, e in zip(settings.velocity_limit, guided.now.escape.direction, strict=True))
+    enough = BACK * limits(settings, "warn")[kinds]
+
+    def is_out() -> bool:
+        here = np.array([guided.drives.now.position])
+        return bool((margins_along(robot, settings, here, at)[0, kinds] >= enough).all())
+
+    beats = 0
+    while beats < ESCAPE_BEATS and not is_out():
+        guided.beat(rates)
+        at = _followed(guided, at)
+        beats += 1
+    for _ in range(REST_BEATS):
+        guided.beat((0.0,) * len(rates))
+    refusal = guided.reset()
+    for _ in range(REST_BEATS):
+        guided.drift()
+    out = not guided.now.latched and guided.now.level <= Level.WARN
+    tally.add("reached OK", float(out))
+    tally.largest("longest way out [s]", beats * settings.heartbeat_s)
+    since = dropwhile(lambda turn: turn.level != Level.STOP, guided.transitions)
+    levels = sum(1 for _level in groupby(turn.level for turn in since))
+    tally.largest("most changes of level", float(levels))
+    if not out:
+        return f"not out after {beats} heartbeats: {refusal or guided.now.level.name}"
+    return "" if levels <= MOST_LEVELS else f"the level changed {levels} times"
+
+
+def _slopes(stopped: Stopped, direction: Array) -> Array:
+    """(4,) change of the true margins along a direction, 1/rad or 1/m; 0 if the robot does not have the margin."""
+    guided, at = stopped
+    start = np.array(guided.drives.now.position)
+    way = np.array([start - PROBE * direction, start, start + PROBE * direction])
+    found = margins_along(guided.supervisor.robot, guided.settings, way, at)
+    found = np.where(np.isfinite(found), found, 0.0)
+    return np.asarray((found[2] - found[0]) / (2.0 * PROBE))
+
+
+def _kinds(guided: GuidedRobot) -> list[int]:
+    """The margins that caused the stop in force."""
+    return [index for index, kind in enumerate(MARGIN_CAUSES) if guided.now.causes & int(kind)]

@@ -1,0 +1,1 @@
+"""Campaigns that run nodes as processes."""

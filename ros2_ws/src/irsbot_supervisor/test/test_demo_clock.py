@@ -1,0 +1,45 @@
+"""The clock of a demo: its length counts from the first judged sample, however long the joints take to start."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+from irsbot_supervisor.cli import runs
+from irsbot_supervisor.cli.common import Failed
+
+
+class Watch:
+    """Every look takes a second; the first sample is judged in the look of this number."""
+
+    def __init__(self, timeline: runs._Timeline, first: int, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.timeline, self.first, self.looks = timeline, first, 0
+        monkeypatch.setattr(runs.time, "monotonic", lambda: float(self.looks))
+
+    def look(self, seconds: float) -> None:
+        self.looks += 1
+        if self.looks == self.first:
+            self.timeline.begin(SimpleNamespace(stamp_ns=1))
+
+
+SUITE = SimpleNamespace(check=lambda: None)
+
+
+@pytest.mark.parametrize("first", [1, 25])
+@pytest.mark.parametrize("stops", [True, False])
+def test_the_planned_length_counts_from_the_first_sample(
+    first: int, stops: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    timeline = runs._Timeline()
+    watch = Watch(timeline, first, monkeypatch)
+    runs._await(SUITE, watch, lambda: timeline.began, "no joint state was judged")
+    runs._follow(SUITE, watch, timeline, stops, 20.0)
+    assert watch.looks - first == (20.0 if stops else 20.0 - runs.GRACE_S + runs.AFTERWARDS_S)
+
+
+def test_joints_that_publish_nothing_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
+    timeline = runs._Timeline()
+    watch = Watch(timeline, 10_000, monkeypatch)
+    with pytest.raises(Failed, match="no joint state was judged in 30 s"):
+        runs._await(SUITE, watch, lambda: timeline.began, "no joint state was judged")

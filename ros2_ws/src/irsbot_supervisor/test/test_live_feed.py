@@ -1,0 +1,194 @@
+"""What a live page is told: the newest look, the last seconds without a hole, and nothing old as if it were present."""
+
+from __future__ import annotations
+
+import json
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from irsbot_msgs_py.cdr import encode_state
+from irsbot_msgs_py.records import Level, SingularityState
+from irsbot_supervisor.bag.journal import write_entry
+from irsbot_supervisor.live.feed import HISTORY_S, Feed, Known
+from irsbot_supervisor.live.scene import Scene, drawn
+from irsbot_supervisor.processes.observed import Observed
+from irsbot_supervisor.replay.rejudge import Recording, read_recording
+
+BAGS = Path(__file__).resolve().parents[4] / "bags"
+FRAME_S = 1.0 / 30.0
+
+
+@pytest.fixture(scope="module")
+def run() -> Recording:
+    return read_recording(BAGS / "type2")
+
+
+class Told:
+    """A feed of a recorded run, told at the times of its recording, and who asked for its drawing."""
+
+    def __init__(self, run: Recording) -> None:
+        self.asked: list[tuple[Scene, SingularityState]] = []
+        self.feed = Feed(lambda scene, state: self.asked.append((scene, state)))
+        self.observed = Observed()
+        for entry in run.journal:
+            self.observed.hear_journal(write_entry(entry))
+        ahead_ns = run.sessions[0].ahead_ns
+        heard = [(log_ns - ahead_ns, verdict) for log_ns, verdict in run.verdicts]
+        self._messages = sorted([*heard, *((state.seen_ns, state) for state in run.states)], key=lambda one: one[0])
+        self.now_s = self._messages[0][0] * 1e-9
+
+    def look(self, seconds: float = FRAME_S) -> None:
+        """Let that time pass."""
+        self.now_s += seconds
+        while self._messages and self._messages[0][0] * 1e-9 <= self.now_s:
+            time_ns, message = self._messages.pop(0)
+            if isinstance(message, SingularityState):
+                self.observed.hear_state(encode_state(message), time_ns * 1e-9)
+            else:
+                self.observed.hear_verdict(message, time_ns * 1e-9)
+        self.feed.hear(self.observed.look(self.now_s), self.now_s)
+
+    def play(self) -> None:
+        """The whole run."""
+        while self._messages:
+            self.look()
+
+    def answer(self, known: Known | None = None) -> dict[str, Any]:
+        found: dict[str, Any] = json.loads(self.feed.answer(known or Known()))
+        return found
+
+
+def test_it_tells_the_newest_state_and_its_limits(run: Recording) -> None:
+    told = Told(run)
+    told.play()
+    last, answer = run.states[-1], told.answer()
+    _time, level, columns, pose, joints = answer["rows"][-1]
+    assert level == run.verdicts[-1][1].level.name
+    assert columns[:2] == pytest.approx([min(last.type1_margin), last.type2_margin], rel=1e-8)
+    assert pose == pytest.approx(last.pose, rel=1e-8)
+    assert {f"{value:.6f}" for value in last.joint_position} <= {f"{value:.6f}" for value in joints.values()}
+    (settings,) = [entry.values for entry in run.journal]
+    limits = {(one["of"], one["kind"]): one["value"] for one in answer["setup"]["limits"]}
+    assert limits["Type 2 margin", "stop"] == settings["type2_stop"]
+    assert answer["now"]["stop_limit"] == last.stop_limit
+
+
+def test_pages_that_ask_seldom_and_often_get_the_same_rows(run: Recording) -> None:
+    told, often, seldom = Told(run), Known(), Known()
+    rows: dict[str, list[Any]] = {"often": [], "seldom": []}
+    for number in range(60):
+        told.look()
+        rows["often"] += told.answer(often)["rows"]
+        if number % 7 == 0 or number == 59:
+            rows["seldom"] += told.answer(seldom)["rows"]
+    assert rows["often"] == rows["seldom"]
+    assert len(rows["often"]) == 60
+    again = told.answer(often)
+    assert again["rows"] == []
+    assert "setup" not in again
+    assert "changes" not in again
+
+
+def test_a_page_that_comes_late_gets_the_history_and_no_more(run: Recording) -> None:
+    told = Told(run)
+    told.play()
+    for _ in range(round(1.5 * HISTORY_S / FRAME_S)):
+        told.look()
+    rows = told.answer()["rows"]
+    assert rows[-1][0] - rows[0][0] == pytest.approx(HISTORY_S, abs=2 * FRAME_S)
+    assert rows[-1][0] == told.now_s
+
+
+def test_silence_is_unknown_and_shows_no_posture(run: Recording) -> None:
+    told = Told(run)
+    while told.answer()["now"].get("level") not in ("OK", "WARN"):
+        told.look()
+    before = told.answer()
+    assert before["now"]["silent"] is False
+    assert before["rows"][-1][3]
+    told.feed.hear(told.observed.look(told.now_s + 0.15), told.now_s + 0.15)  # nothing came
+    after = told.answer()
+    assert after["now"]["level"] == "UNKNOWN"
+    assert after["now"]["silent"] is True
+    assert after["rows"][-1][1:] == ["UNKNOWN", [], [], {}]
+    assert after["now"]["box"] == []
+
+
+def test_the_drawing_is_asked_for_once_and_told_to_every_page(run: Recording) -> None:
+    told, page = Told(run), Known()
+    told.play()
+    ((scene, state),) = told.asked
+    assert "view" not in told.answer(page)["setup"]
+    view = drawn(scene.record, scene.settings.working_mode, state.pose)
+    told.feed.show(scene, view)
+    shown = told.answer(page)["setup"]["view"]
+    assert shown["loci"]
+    assert {link["joint"] for link in shown["links"] if link["axis"]} == set(scene.joints(state))
+    assert "setup" not in told.answer(page)
+
+
+def test_other_limits_of_the_same_robot_keep_its_drawing(run: Recording) -> None:
+    told = Told(run)
+    told.play()
+    scene, _state = told.asked[0]
+    told.feed.show(scene, {"links": []})
+    (entry,) = run.journal
+    told.observed.hear_journal(write_entry(entry._replace(values={**entry.values, "type2_warn": 0.35})))
+    told.look()
+    setup = told.answer()["setup"]
+    assert setup["view"] == {"links": []}
+    assert {"of": "Type 2 margin", "kind": "warn", "value": 0.35} in setup["limits"]
+    assert len(told.asked) == 1
+
+
+def test_a_robot_that_cannot_be_built_is_named_with_the_reason(run: Recording) -> None:
+    told = Told(run)
+    (entry,) = run.journal
+    told.observed.hear_journal(write_entry(entry._replace(machine={**entry.machine, "geometry": {}})))
+    told.look()
+    setup = told.answer()["setup"]
+    assert setup["robot"] == entry.machine["name"]
+    assert setup["note"]
+    assert told.answer()["rows"][-1][2:] == [[], [], {}]
+
+
+def test_nothing_heard_is_no_level_but_unknown() -> None:
+    feed = Feed(lambda *_: None)
+    feed.hear(Observed().look(5.0), 5.0)
+    told = json.loads(feed.answer(Known()))
+    assert told["now"]["level"] == Level.UNKNOWN.name
+    assert told["now"]["verdict"] is None
+    assert told["now"]["verdict_age_s"] is None
+    assert told["rows"] == [[5.0, "UNKNOWN", [], [], {}]]
+
+
+def test_the_reachable_box_holds_the_rest_of_every_stop(run: Recording) -> None:
+    """Where the robot stood in the end lies between the corners, in the joints, found by the inverse kinematics."""
+    (entry,) = run.journal
+    scene = Scene(entry.values, entry.machine)
+    stopping = next(v for _log, v in run.verdicts if v.level == Level.STOP)
+    state = max((s for s in run.states if s.seen_ns <= stopping.since_ns), key=lambda s: s.seen_ns)
+    lines = scene.reachable(state, 0.01)
+    assert len(lines) == 4
+    mode = run.states[0].working_mode
+    joints = np.array([_inverse(scene, pose, mode) for line in lines for pose in line])
+    rest = np.array(run.states[-1].joint_position)
+    assert np.abs(rest - np.array(state.joint_position)).max() > 0.01
+    assert (joints.min(axis=0) - 1e-3 <= rest).all()
+    assert (rest <= joints.max(axis=0) + 1e-3).all()
+    assert (joints.min(axis=0) < state.joint_position).all()
+    middle = 0.5 * (joints.min(axis=0) + joints.max(axis=0))
+    assert (np.sign(middle - state.joint_position) == np.sign(state.joint_velocity)).all()  # farther where it moves to
+    assert scene.reachable(state._replace(joint_velocity=(float("nan"),) * 2), 0.01) == []
+
+
+def _inverse(scene: Scene, pose: tuple[float, ...], mode: tuple[int, ...]) -> list[float]:
+    from irsbot_kinematics import Robot
+
+    found = [float(q) for q in Robot(scene.mechanism, scene.name).inverse(pose, mode)]
+    assert all(map(isfinite, found))
+    return found

@@ -1,0 +1,144 @@
+"""Compiles the pure typed core and the kinematics by mypyc. Run in the environment in which they are to run.
+
+    compile_modules.py SOURCE TARGET
+
+SOURCE is `ros2_ws/src`. TARGET gets the extension modules, in a folder named by what their sources hold, and
+`irsbot_compiled.py`, which names that folder; `irsbot_kinematics.compiled` imports from there. A target that was made
+from the same sources is left as it is.
+"""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import tempfile
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+
+from specialise import generics, specialised
+
+PACKAGES = ("irsbot_kinematics", "irsbot_msgs_py", "irsbot_supervisor")
+GROUPS = {
+    "irsbot_kinematics_compiled": (
+        "irsbot_kinematics/mechanism.py",
+        "irsbot_kinematics/statics.py",
+        "irsbot_kinematics/numerics/arithmetic.py",
+        "irsbot_kinematics/bounds/displacement.py",
+        "irsbot_kinematics/bounds/boxes.py",
+        "irsbot_kinematics/mechanisms/[a-z]*.py",
+    ),
+    "irsbot_supervisor_compiled": (
+        "irsbot_supervisor/core/[a-z]*.py",
+        "irsbot_supervisor/core/estimation/[a-z]*.py",
+    ),
+}
+"""Modules that are compiled together: calls within a group are as cheap as in C. Two groups compile side by side."""
+
+INDEX = "irsbot_compiled.py"
+"""The index: folder of the compiled form, and its sources."""
+
+LEFT = ("irsbot_kinematics/mechanisms/geometry_checks.py", "irsbot_supervisor/core/settings.py")
+"""Modules that read annotations, fields or metadata of classes at run time, and never in a step."""
+
+CONFIG = """[mypy]
+explicit_package_bases = true
+mypy_path = {path}
+ignore_missing_imports = true
+disable_error_code = misc, type-arg, valid-type, unused-ignore
+[mypy-scipy.*,numba.*,flint.*,matplotlib.*,polars.*,rclpy.*]
+follow_imports = skip
+"""
+BUILD = """
+import sys
+from mypyc.build import mypycify
+from setuptools import setup
+name, *files = sys.argv[1:]
+extensions = mypycify(["--config-file", "mypy.ini", *files], opt_level="1", debug_level="0", group_name=name)
+for extension in extensions:
+    extension.extra_compile_args += ["-ffp-contract=off"]  # a fused product has other bits
+sys.argv = ["setup.py", "--quiet", "build_ext", "--build-lib", "out", "--build-temp", f"objects_{name}"]
+setup(name=name, ext_modules=extensions)
+"""
+
+
+def main(source: Path, target: Path) -> None:
+    """Compile modules that are not compiled yet."""
+    groups = {name: files_of(source, patterns) for name, patterns in GROUPS.items()}
+    everything = [file for files in groups.values() for file in files]
+    names = {file: name_of(source, file) for file in everything}
+    made = target / digest(source)
+    if not made.is_dir():
+        target.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=target) as folder:
+            work = Path(folder)
+            write_sources(source, everything, names, work)
+            compile_groups(groups, source, work)
+            (work / "out").rename(made)
+    text = f"from pathlib import Path\n\nFOLDER = Path(__file__).parent / {made.name!r}\n"
+    text += f"SOURCES = {list(names.values())!r}\n"
+    fresh = target / "irsbot_compiled.new"
+    fresh.write_text(text)
+    fresh.replace(target / INDEX)
+    for older in target.iterdir():
+        if older.is_dir() and older != made:
+            shutil.rmtree(older)
+
+
+def digest(source: Path) -> str:
+    """Digest of the sources, as in `irsbot_kinematics.compiled`; that package itself imports numpy and more."""
+    file = source / "irsbot_kinematics" / "irsbot_kinematics" / "compiled.py"
+    spec = spec_from_file_location("irsbot_compiled_forms", file)
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    files = [file for patterns in GROUPS.values() for file in files_of(source, patterns)]
+    return str(module.digest_of({name_of(source, file): file for file in files}))
+
+
+def name_of(source: Path, file: Path) -> str:
+    """Name of the module in a file."""
+    return ".".join(file.relative_to(source).with_suffix("").parts[1:])
+
+
+def files_of(source: Path, patterns: tuple[str, ...]) -> list[Path]:
+    """The files of a group, in a fixed order."""
+    found = [file for pattern in patterns for file in sorted((source / pattern.split("/")[0]).glob(pattern))]
+    return [file for file in found if not str(file).endswith(LEFT)]
+
+
+def write_sources(source: Path, compiled: list[Path], names: dict[Path, str], work: Path) -> None:
+    """Write all packages; the compiled ones in their specialised form."""
+    for package in PACKAGES:
+        shutil.copytree(source / package / package, work / package, ignore=shutil.ignore_patterns("__pycache__"))
+    texts = {file: file.read_text(encoding="utf-8") for file in compiled}
+    known = {name for text in texts.values() for name in generics(text)}
+    for file, text in texts.items():
+        place = work.joinpath(*names[file].split(".")).with_suffix(".py")
+        place.write_text(specialised(names[file], text, known), encoding="utf-8")
+
+
+def compile_groups(groups: dict[str, list[Path]], source: Path, work: Path) -> None:
+    """Compile every group in its own process. Raises SystemExit with its output if one fails."""
+    (work / "mypy.ini").write_text(CONFIG.format(path=work))
+    (work / "build.py").write_text(BUILD)
+    running = {}
+    for name, files in groups.items():
+        given = [str(file.relative_to(source / file.relative_to(source).parts[0])) for file in files]
+        command = [sys.executable, "build.py", name, *given]
+        log = (work / f"{name}.log").open("w+")
+        running[name] = subprocess.Popen(command, cwd=work, stdout=log, stderr=subprocess.STDOUT), log
+    failed = [name for name, (process, _log) in running.items() if process.wait() != 0]
+    for name, (_process, log) in running.items():
+        log.seek(0)
+        print(log.read())
+        log.close()
+        if name in failed:
+            print(f"{name} could not be compiled")
+    if failed:
+        raise SystemExit(1)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]).resolve(), Path(sys.argv[2]).resolve())

@@ -1,0 +1,92 @@
+"""Which tests belong to which module, the cheapest first: mutations.py runs them in this order."""
+
+from __future__ import annotations
+
+KINEMATICS = "irsbot_kinematics/test/test_{}.py"
+SUPERVISOR = "irsbot_supervisor/test/test_{}.py"
+
+EVERY_ROBOT = (
+    "laws",
+    "robot",
+    "boxes",
+    "displacement",
+    "precision",
+    "force_workspace",
+    "geometry_errors",
+    "conformance",
+)
+"""Tests that take each shipped robot in turn."""
+
+DELTAS = ("hybridglide", "linear_delta", "orthoglide", "triaglide", "uranesx")
+PLANAR = ("five_bar", "irsbot2", "irsbot2_beta45")
+SLIDING = ("rails2", "rails3", "rpr3")
+CRANKS = ("rrr3_base", "ruu4")
+
+ROBOTS: dict[str, tuple[str, ...]] = {
+    "branched_platform": SLIDING + CRANKS,
+    "crank_platform": CRANKS,
+    "delta_family": DELTAS,
+    "planar_pair": PLANAR,
+    "sliding_platform": SLIDING,
+    "turning_platform": ("rrr3", *SLIDING, *CRANKS),
+    "rod_platform": ("rrr3", "ruu4"),
+    "irsbot2_space": ("irsbot2", "irsbot2_csc"),
+    "irsbot2": PLANAR,
+    "geometry_checks": (),
+}
+"""Mechanism -> robots that it is shown with, if not with the one of its own name."""
+
+OWN: dict[str, tuple[str, ...]] = {
+    "branched_platform": ("crank_platforms", "rod_platform"),
+    "crank_platform": ("crank_platforms",),
+    "delta_family": ("delta_family",),
+    "geometry_checks": ("geometry",),
+    "irsbot2": ("irsbot2", "planar_indices"),
+    "irsbot2_space": ("irsbot2_space", "design_check", "design_distal", "design_proximal"),
+    "planar_pair": ("irsbot2", "planar_indices"),
+    "rod_platform": ("rod_platform",),
+    "rrr3": ("rrr3",),
+    "rrr3_base": ("crank_platforms",),
+    "ruu4": ("crank_platforms",),
+}
+"""Mechanism -> tests of it alone."""
+
+ALL_KINDS = ("five_bar", "orthoglide", "rrr3", "rpr3", "ruu4")
+"""A robot of each kind; rrr3 names rrr3_base, too."""
+
+BOUNDS: dict[str, tuple[str, ...]] = {
+    "displacement": ("displacement_inequalities", "displacement", "geometry_errors"),
+    "boxes": ("box_rods", "boxes", "geometry_errors"),
+    "quadratics": ("quadratics", "box_rods", "boxes"),
+}
+
+CORE: dict[str, tuple[str, ...]] = {
+    "bypass": ("bypass", "supervisor"),
+    "latch": ("latch", "supervisor"),
+    "margins": ("policy", "settings", "supervisor", "stopping"),
+    "policy": ("policy", "supervisor"),
+    "position_limits": ("position_limits", "supervisor"),
+    "reachable_box": ("reachable_box", "stopping"),
+    "report": ("supervisor", "diagnostics"),
+    "settings": ("settings", "feasibility", "proposal"),
+    "stop_monitor": ("stop_monitor", "supervisor"),
+    "stopping": ("stopping", "position_limits", "velocity_gate"),
+    "supervisor": ("supervisor", "bypass", "branches", "sim_faults"),
+    "validation": ("validation", "estimator", "supervisor"),
+    "observer": ("observer", "estimator", "velocity_gate"),
+}
+ESTIMATION = ("estimator", "validation", "samples", "supervisor")
+
+
+def tests_of(module: str) -> tuple[list[str], str]:
+    """Test files below ros2_ws/src and the keyword for pytest, empty for all of them."""
+    package, folder, *inner = module.removesuffix(".py").split("/")
+    name = inner[0] if folder == "mechanisms" else inner[-1]
+    if package == "irsbot_supervisor":
+        return [SUPERVISOR.format(test) for test in CORE.get(name, ESTIMATION)], ""
+    if folder == "bounds":
+        own = ("test_displacement", "test_box_rods", "test_quadratics")
+        return [KINEMATICS.format(test) for test in BOUNDS[name]], " or ".join((*ALL_KINDS, *own))
+    alone = OWN.get(name, ())
+    keyword = " or ".join([*ROBOTS.get(name, (name,)), *(f"test_{test}" for test in alone)])
+    return [KINEMATICS.format(test) for test in dict.fromkeys((*alone, *EVERY_ROBOT))], keyword

@@ -1,0 +1,124 @@
+"""Compiled modules: the form for floats says what the one form says, and what is out of date is not used."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from importlib.machinery import EXTENSION_SUFFIXES
+from pathlib import Path
+
+import pytest
+
+from irsbot_kinematics import compiled
+
+ROOT = Path(__file__).resolve().parents[1]
+SOURCE = ROOT / "ros2_ws" / "src"
+CAMPAIGN = ROOT / "tests" / "campaigns" / "compiled.py"
+sys.path.insert(0, str(ROOT / "setup"))
+compile_modules = importlib.import_module("compile_modules")
+specialise = importlib.import_module("specialise")
+
+
+def stated(path: list[Path], arguments: list[str]) -> str:
+    """What one process of the campaign says, with these folders as its search path."""
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, path)), "IRSBOT_PLAIN": "1"}
+    command = [sys.executable, str(CAMPAIGN), "--work", *arguments]
+    return subprocess.run(command, env=env, check=True, capture_output=True, text=True, timeout=240).stdout
+
+
+def test_the_specialised_sources_give_the_results_of_the_sources(tmp_path: Path):
+    pytest.importorskip("mypy_extensions", reason="what the compiler gets imports it; it comes with mypy")
+    files = [
+        file for patterns in compile_modules.GROUPS.values() for file in compile_modules.files_of(SOURCE, patterns)
+    ]
+    compile_modules.write_sources(
+        SOURCE, files, {file: compile_modules.name_of(SOURCE, file) for file in files}, tmp_path
+    )
+    text = (tmp_path / "irsbot_kinematics" / "mechanisms" / "planar_pair.py").read_text()
+    assert "def direct__float(" in text
+    robots = ["irsbot2", "rrr3", "orthoglide", "ruu4", "rails3"]
+    arguments = ["--samples", "100", "--parts", "postures", "--robots", *robots]
+    packages = [SOURCE / name for name in compile_modules.PACKAGES]
+    theirs = stated(packages, arguments)
+    assert len(theirs.splitlines()) == 1 + len(robots)
+    assert stated([tmp_path], arguments) == theirs
+
+
+def test_a_function_on_numbers_is_called_for_floats_where_floats_are_named():
+    source = (
+        "def twice(k: Arithmetic[N], x: N) -> N:\n    return k.sin(x) + x\n\n\n"
+        "def both(k: Arithmetic[N], x: N) -> N:\n    return twice(k, x)\n\n\n"
+        "def user(x: float) -> float:\n    return both(FLOATS, x) + both(ARRAYS, x)\n"
+    )
+    known = set(specialise.generics(source))
+    assert known == {"twice", "both"}
+    text = specialise.specialised("toy", source, known)
+    assert "def both(k: Arithmetic, x: Any) -> Any:\n    return twice(k, x)\n" in text
+    assert "def both__float(k: Any, x: float) -> float:\n    return twice__float(k, x)\n" in text
+    assert "both__float(FLOATS, x) + both(ARRAYS, x)" in text
+    assert "floats__sin(x) + x" in text
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder of compiled modules, as the set-up makes it, that is first on the path."""
+    monkeypatch.setattr(sys, "meta_path", [one for one in sys.meta_path if not isinstance(one, compiled.Finder)])
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delenv(compiled.SWITCH, raising=False)
+    yield tmp_path
+    sys.modules.pop("irsbot_compiled", None)
+
+
+def put(folder: Path, digest: str, sources: list[str]) -> None:
+    """Write the index."""
+    (folder / digest / "irsbot_kinematics").mkdir(parents=True)
+    (folder / digest / "irsbot_kinematics" / f"statics{EXTENSION_SUFFIXES[0]}").touch()
+    text = f"from pathlib import Path\nFOLDER = Path(__file__).parent / {digest!r}\nSOURCES = {sources!r}\n"
+    (folder / "irsbot_compiled.py").write_text(text)
+
+
+def test_compiled_forms_are_found_only_for_the_sources_they_were_made_of(folder: Path):
+    sources = ["irsbot_kinematics.statics"]
+    put(folder, compiled.digest(sources), sources)
+    compiled.prefer()
+    assert compiled.are_used()
+    found = importlib.util.find_spec("irsbot_kinematics.errors")
+    assert found is not None
+    assert str(found.origin).endswith("errors.py"), "what is not compiled is found as ever"
+    spec = next(one for one in sys.meta_path if isinstance(one, compiled.Finder)).find_spec("irsbot_kinematics.statics")
+    assert spec is not None
+    assert Path(str(spec.origin)).is_relative_to(folder)
+
+
+def test_other_sources_mean_plain_python(folder: Path):
+    put(folder, compiled.digest(["irsbot_kinematics.errors"]), ["irsbot_kinematics.statics"])
+    compiled.prefer()
+    assert not compiled.are_used()
+
+
+def test_a_source_that_is_gone_means_plain_python(folder: Path):
+    put(folder, "none", ["irsbot_kinematics.statics", "irsbot_kinematics.gone"])
+    compiled.prefer()
+    assert not compiled.are_used()
+    assert compiled.digest(["irsbot_kinematics.gone"]) == ""
+
+
+def test_the_switch_means_plain_python(folder: Path, monkeypatch: pytest.MonkeyPatch):
+    put(folder, compiled.digest(["irsbot_kinematics.statics"]), ["irsbot_kinematics.statics"])
+    monkeypatch.setenv(compiled.SWITCH, "1")
+    compiled.prefer()
+    assert not compiled.are_used()
+
+
+def test_compiled_modules_give_the_results_of_plain_python():
+    if not (ROOT / "ros2_ws" / "compiled" / compile_modules.digest(SOURCE)).is_dir():
+        pytest.skip("not compiled, or sources have changed since: ./irsbot setup compiles them")
+    path = [ROOT / "ros2_ws" / "compiled", *[SOURCE / name for name in compile_modules.PACKAGES]]
+    env = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, path))}
+    command = [sys.executable, str(CAMPAIGN), "--samples", "480", "--parts", "postures", "streams"]
+    done = subprocess.run(command, env=env, capture_output=True, text=True, timeout=240)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "0 differ" in done.stdout
