@@ -288,7 +288,7 @@ def test_a_latched_stop_survives_a_change_of_settings_and_ends_by_the_right_rese
     assert not wrong.accepted
     assert "event 99" in wrong.message
     event = cell.heard_level(Level.STOP).event  # a busy machine may have lost the branch meanwhile: that is event 2
-    right = cell.reset(event)
+    right = cell.reset_at_rest(event)
     assert right.accepted, right.message
     assert right.message == ""
     cell.logged(f"reset of event {event}, 'tested', called by /robot: accepted")
@@ -404,7 +404,7 @@ def test_a_latched_stop_and_its_number_outlive_every_transition(wire: Wire):
     assert all(verdict.level >= Level.STOP for verdict in cell.verdicts[start:])
     assert cell.states[-1].sequence > sequence  # a bag of it all is one story
     cell.heard_level(Level.STOP)  # what was not known a moment ago is over
-    right = cell.reset(1)
+    right = cell.reset_at_rest(1)
     assert right.accepted, right.message
     cell.heard_level(Level.OK)
     cell.say = going(GOOD, NEAR, time.time_ns(), 1.0)
@@ -431,7 +431,7 @@ def test_a_supervisor_that_is_started_again_waits_for_a_reset_and_does_so_once(w
     assert not any(one.level < Level.STOP for one in heard[20:])  # 0.2 s of verdicts: more than were on their way
     assert latched.event > 1
     assert not cell.reset(1).accepted
-    right = cell.reset(latched.event)
+    right = cell.reset_at_rest(latched.event)
     assert right.accepted, right.message
     cell.heard_level(Level.OK)
     assert all(map(cell.change, ANEW[:1]))

@@ -202,12 +202,21 @@ class Cell:
 
     def reset(self, event: int, seed_pose: Floats = ()) -> Any:
         """The answer to a reset, asked again as long as samples are missing, as they may be on a busy machine."""
+        return self._reset_until_not(("no good sample", "silence", "no usable sample"), event, seed_pose)
+
+    def reset_at_rest(self, event: int) -> Any:
+        """The answer to a reset, asked again until the samples prove that the robot stands: after a motion that takes
+        some of them."""
+        return self._reset_until_not(("no good sample", "silence", "no usable sample", "not standing"), event, ())
+
+    def _reset_until_not(self, refusals: tuple[str, ...], event: int, seed_pose: Floats) -> Any:
+        """The first answer to a reset that gives none of these reasons."""
         request = ResetStop.Request(event=event, operator_text="tested", seed_pose=seed_pose)
         answers: list[Any] = []
 
         def judged() -> bool:
             answers.append(self.call(ResetStop, "supervisor/reset", request))
-            return not any(words in answers[-1].message for words in ("no good sample", "silence", "no usable sample"))
+            return not any(words in answers[-1].message for words in refusals)
 
         self.wire.until(judged, "a reset that is judged by samples")
         return answers[-1]
