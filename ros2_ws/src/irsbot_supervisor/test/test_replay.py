@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -15,7 +15,7 @@ from fake_failing_mechanism import fake_robot_of
 from typer.testing import CliRunner
 
 import irsbot_supervisor.replay.rejudge
-from irsbot_msgs_py.records import Cause, JointSample, Level, SingularityState, Verdict
+from irsbot_msgs_py.records import Cause, JointSample, Level, SingularityState, Tick, Verdict
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.bag.bag import Bag, BagWriter
 from irsbot_supervisor.bag.journal import Configuration, configured, write_entry
@@ -24,7 +24,7 @@ from irsbot_supervisor.cli.app import app
 from irsbot_supervisor.cli.junit import Suite, write_junit
 from irsbot_supervisor.configuration.feasibility import settings_from
 from irsbot_supervisor.configuration.loading import read_settings, shipped_values
-from irsbot_supervisor.core.events import Configure
+from irsbot_supervisor.core.events import Configure, Event
 from irsbot_supervisor.core.supervisor import Supervisor
 from irsbot_supervisor.fleet.records import BagCheck
 from irsbot_supervisor.replay.comparison import against_recording
@@ -160,11 +160,11 @@ def test_missing_samples_and_samples_without_a_state_are_counted(bag: Path, tmp_
     assert (judged.missing, judged.unseen) == (2, 1)
 
 
-def active(supervisor: Supervisor, change: Configuration, samples: list[JointSample], writer: BagWriter) -> None:
+def active(supervisor: Supervisor, change: Configuration, events: Sequence[Event], writer: BagWriter) -> None:
     """A supervisor from its activation until it falls silent, as its node publishes it."""
     writer.add("supervisor/journal", write_entry(change), change.received_ns)
     into_force = Configure(change.received_ns, change.seen_ns, settings_from(change.values, supervisor.robot))
-    for event in (into_force, *samples):
+    for event in (into_force, *events):
         step = supervisor.step(event)
         if step.state is not None:
             writer.add("supervisor/state", step.state, event.received_ns)
@@ -217,6 +217,25 @@ def test_a_supervisor_that_goes_on_after_a_pause_is_the_same(bag: Path, tmp_path
     assert faults_of(recording, judged) == {"recorded verdicts": (), "recorded states": ()}
     assert (judged.missing, judged.unseen, len(judged.parts)) == (0, 50, 1)
     assert any(interval.causes & Cause.STALE for interval in judged.intervals)  # the pause is a silence of the joints
+
+
+def test_a_silence_in_which_a_bag_ends_is_noticed_as_it_was(bag: Path, tmp_path: Path) -> None:
+    settings, robot = read_settings("irsbot2")
+    samples = read_recording(bag).samples[:100]
+    begin, last = samples[0], samples[-1]
+    late = [last.seen_ns + step * NS_PER_S // 100 for step in range(1, 10)]
+    ticks = [Tick(last.received_ns + seen_ns - last.seen_ns, seen_ns) for seen_ns in late]
+    target = tmp_path / "silent.mcap"
+    with BagWriter(target) as writer:
+        for sample in samples:
+            writer.add("joint_states", sample, sample.received_ns)
+        change = configured(settings, robot, begin.received_ns - 1, begin.seen_ns - 1)
+        active(Supervisor(settings, robot), change, [*samples, *ticks], writer)
+    recording = read_recording(target)
+    assert recording.verdicts[-1][1].causes & Cause.STALE
+    judged = judge_again(recording)
+    assert faults_of(recording, judged) == {"recorded verdicts": (), "recorded states": ()}
+    assert judged.intervals[-1].causes & Cause.STALE
 
 
 def test_times_count_from_the_first_joint_state_on_every_clock_and_in_every_output(bag: Path, tmp_path: Path) -> None:

@@ -402,10 +402,10 @@ def _begin(session: SupervisorSession, first: Configuration) -> Tick:
 
 
 def _with_ticks(events: list[Input], end_ns: int) -> list[Input]:
-    """In order of time, with a tick at the end so that a silence there is noticed."""
+    """In order of time, with a tick just after the end: a silence that counts from the end on is noticed by it."""
     ordered = sorted(events, key=lambda event: event.seen_ns)
     if end_ns > ordered[-1].seen_ns:
-        ordered.append(Tick(end_ns, end_ns))
+        ordered.append(Tick(end_ns + 1, end_ns + 1))
     return ordered
 
 
