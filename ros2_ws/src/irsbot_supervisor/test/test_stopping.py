@@ -16,7 +16,7 @@ from irsbot_supervisor.core.box_search import BoxBounds, spare_of
 from irsbot_supervisor.core.estimation.estimate import Speeds
 from irsbot_supervisor.core.margins import margins_of
 from irsbot_supervisor.core.settings import Settings
-from irsbot_supervisor.core.stopping import StoppingPredictor, cuts_of, limits_of
+from irsbot_supervisor.core.stopping import StoppingPredictor, cuts_of, limits_of, raised
 from irsbot_supervisor.validation.harness.oracle import good_postures, joint_ranges, margins, margins_along, supervised
 from irsbot_supervisor.validation.in_process.reachable import errors, reach
 
@@ -350,3 +350,11 @@ def test_a_box_that_is_none_holds_nothing(bad):
     certified = BoxBounds(robot.mechanism, 0.0).least(at, (bad, 0.0), (bad, 0.1), (0.1,) * 4, 4)
     assert min(certified) <= 0.0
     assert not np.isnan(certified).any()
+
+
+@pytest.mark.parametrize("share", [0.0, 0.05, 0.5, 10.0])
+def test_limits_are_raised_by_a_share_and_stay_within_reach_of_a_margin(share: float) -> None:
+    limits = (0.1, 0.5, 0.99, 0.0)
+    for limit, higher in zip(limits, raised(limits, share), strict=True):
+        assert limit <= higher < 1.0  # a margin is at most 1: a warning can end
+        assert higher == pytest.approx(limit + share * limit) or higher == pytest.approx(0.5 * (limit + 1.0))

@@ -167,6 +167,15 @@ def test_late_samples_do_not_stop_a_robot_at_rest_but_its_state_is_unknown(z):
     assert not any(step.verdict.latched for step in steps if step.verdict is not None)
 
 
+def test_a_busy_start_latches_no_stop_of_a_robot_at_rest():
+    """Its first samples come as rarely as those of a sender that is too slow, until the interval is known."""
+    supervisor = supervisor_of("irsbot2")
+    q = joints_of(supervisor, 0.0, -0.85)
+    steps = feed(supervisor, [sample(ms, q) for ms in (0, 45, 85, *range(90, 600))])
+    assert newest(steps).level == Level.OK
+    assert not any(turn.latched for step in steps for turn in step.transitions)
+
+
 def test_a_sender_that_is_as_slow_as_that_stops_the_robot():
     supervisor, q = ready()
     slow = newest([supervisor.step(sample(27 * k, q)) for k in range(10)])

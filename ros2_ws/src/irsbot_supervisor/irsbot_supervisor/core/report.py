@@ -18,8 +18,6 @@ from irsbot_supervisor.core.reachable_box import position_error
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.core.stopping import limits_of
 
-_NOTHING = (nan, nan, nan, nan)
-
 
 class Moment(NamedTuple):
     """The margins of a sample."""
@@ -65,7 +63,7 @@ class Reporter:
         self,
         estimate: Estimate,
         assessment: Assessment,
-        certified: Margins | None,
+        certified: Margins,
         reaction: Floats,
         sequence: int,
         level: Level,
@@ -74,10 +72,10 @@ class Reporter:
     ) -> SingularityState:
         """The state of a solved posture. before: the margins of the solved posture before it."""
         at, now = assessment.at, assessment.margins
-        certified, stop = certified or _NOTHING, self._stop
+        stop = self._stop
         spares = tuple(map(sub, certified, stop))
         spare = min(spares)
-        kind = spares.index(spare)  # the margin that governs; the first if nothing is known
+        kind = spares.index(spare)  # the margin that governs
         rate = _shrinking(before, estimate.stamp_ns, now, kind)
         error = self._mechanism.certified_bounds(at, self._errors, self._slack_m)
         stamp_ns, received_ns, seen_ns, _, velocity, *_ = estimate
@@ -132,5 +130,5 @@ def _leg_force(effort: float, lever: float, sine: float) -> float:
 def _time_to_stop(spare: float, rate: float) -> float:
     """s until braking has to begin if the governing margin keeps decreasing at this rate: first order."""
     if not spare > 0.0:
-        return 0.0 if spare == spare else nan
+        return 0.0
     return spare / rate if rate > 0.0 else inf

@@ -239,9 +239,10 @@ class Supervisor:
             self._latch.end_bypass()  # it was given for slow motion
         certified = self._predictor.predict(at, estimate.speeds, estimate.prediction_delay_s)
         reaction = self._reporter.reaction(estimate, assessment)
-        # The speeds at a first sample are unknown; the level is UNKNOWN for a while anyway.
-        better = None if first else self._in_time(at, estimate, certified)
-        counts = assessment.margins if first else better or certified
+        # While the interval is learned the level is UNKNOWN anyway: what may come until the next sample stops nothing.
+        learning = sample.seen_ns < self._known_ns
+        better = None if learning else self._in_time(at, estimate, certified)
+        counts = assessment.margins if learning else better or certified
         found = self._policy.judge(estimate, assessment, counts, reaction, self._latch.now.causes)
         late = better is not None
         if late:

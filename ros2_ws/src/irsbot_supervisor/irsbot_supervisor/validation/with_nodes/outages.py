@@ -185,11 +185,11 @@ def _told(tally: Tally, recording: Recording, gone: Gone, live: int) -> tuple[st
     settings, _robot = read_settings("irsbot2")
     end_ns = gone.at_ns + round(WATCHED_S * NS_PER_S)
     said = [one for one in _published(recording.path) if gone.at_ns < one[0] < end_ns]
-    if deaf := _unrecorded(recording, gone.at_ns, end_ns):
-        return "", f"{NOTHING}, the recorder missed {deaf} verdicts that were published"
     if live and not said:
         return "", f"{NOTHING}, the recorder missed the {live} verdicts that another listener heard"
     if not any(level == Level.UNKNOWN for _sent_ns, level in said):
+        if deaf := _unrecorded(recording, gone.at_ns, end_ns):
+            return "", f"{NOTHING}, the recorder missed {deaf} verdicts that were published"
         return "", f"no verdict UNKNOWN among the {len(said)} of {WATCHED_S} s after the joint states ended"
     good = [state.received_ns for state in recording.states if state.level < Level.STOP and state.received_ns < end_ns]
     arrived_ns = max(gone.at_ns, *good)
@@ -210,9 +210,9 @@ def _published(bag: Path) -> list[tuple[int, Level]]:
 
 
 def _unrecorded(recording: Recording, begin_ns: int, end_ns: int) -> int:
-    """Number of verdicts of a time that the bag lacks, by their sequence numbers; 0 if it has one: a silent supervisor
-    skips none."""
-    before = [verdict.sequence for log_ns, verdict in recording.verdicts if log_ns <= begin_ns]
-    after = [verdict.sequence for log_ns, verdict in recording.verdicts if log_ns > begin_ns]
-    heard = [log_ns for log_ns, _verdict in recording.verdicts if begin_ns < log_ns < end_ns]
-    return after[0] - before[-1] - 1 if before and after and not heard else 0
+    """Number of verdicts that a bag lacks from the last one before a time to the first one after it, by their sequence
+    numbers: a silent supervisor skips none."""
+    verdicts = recording.verdicts
+    first = max((k for k, (log_ns, _verdict) in enumerate(verdicts) if log_ns <= begin_ns), default=0)
+    last = min((k for k, (log_ns, _verdict) in enumerate(verdicts) if log_ns >= end_ns), default=len(verdicts) - 1)
+    return verdicts[last][1].sequence - verdicts[first][1].sequence - (last - first) if verdicts else 0
