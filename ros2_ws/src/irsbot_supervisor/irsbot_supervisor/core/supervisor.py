@@ -239,10 +239,11 @@ class Supervisor:
             self._latch.end_bypass()  # it was given for slow motion
         certified = self._predictor.predict(at, estimate.speeds, estimate.prediction_delay_s)
         reaction = self._reporter.reaction(estimate, assessment)
-        # While the interval is learned the level is UNKNOWN anyway: what may come until the next sample stops nothing.
-        learning = sample.seen_ns < self._known_ns
-        better = None if learning else self._in_time(at, estimate, certified)
-        counts = assessment.margins if learning else better or certified
+        # While the interval is learned the level is UNKNOWN anyway: until then a robot at rest is stopped by its posture
+        # alone, and its speeds at the first sample are unknown.
+        waits = first or (sample.seen_ns < self._known_ns and estimate.standing_s > 0.0)
+        better = None if waits else self._in_time(at, estimate, certified)
+        counts = assessment.margins if waits else better or certified
         found = self._policy.judge(estimate, assessment, counts, reaction, self._latch.now.causes)
         late = better is not None
         if late:
