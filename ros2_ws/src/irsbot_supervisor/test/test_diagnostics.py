@@ -1,4 +1,4 @@
-"""What the diagnostics say of joint positions that may be in another unit."""
+"""What the diagnostics say of joint positions that may be in another unit, and of samples that are judged late."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from irsbot_kinematics import make_robot
 from irsbot_supervisor.nodes.diagnostics import of_units
+from irsbot_supervisor.nodes.judging_times import JudgingTimes
 
 pytestmark = pytest.mark.ros
 
@@ -34,3 +35,21 @@ def test_angles_within_a_turn_and_no_angles_are_fine(position: tuple[float, ...]
 
 def test_a_slide_has_no_turns():
     assert of_units(SLIDES, ("a", "b", "c"), (7.0, 0.0, 0.0)).level == DiagnosticStatus.OK
+
+
+def test_samples_that_took_longer_to_judge_than_allowed_are_reported_once_and_counted():
+    times = JudgingTimes()
+    for took_s, allowed_s in ((0.004, 0.005), (0.0072, 0.005), (0.006, 0.001), (0.05, math.inf), (0.001, 0.001)):
+        times.note(took_s, allowed_s)
+    found = times.report()
+    assert found.level == DiagnosticStatus.WARN
+    assert found.text.startswith("2 samples took longer to judge than the certified box allows, up to 7.2 ms of 5.0 ms")
+    assert (times.late, times.longest_s) == (2, 0.05)
+    assert times.report().level == DiagnosticStatus.OK
+    assert times.late == 2
+
+
+def test_a_judging_time_that_is_not_a_number_is_late():
+    times = JudgingTimes()
+    times.note(math.nan, 0.005)
+    assert times.report().level == DiagnosticStatus.WARN

@@ -8,27 +8,29 @@ from irsbot_supervisor.configuration.loading import read_settings
 from irsbot_supervisor.configuration.machine_times import Times, longest, proposals
 
 SETTINGS, _ROBOT = read_settings("irsbot2")
+PERIOD_S = 0.001
 
 
 def test_the_longest_gap_and_delay_count() -> None:
-    met = longest([0.0, 0.001, 0.031, 0.032], [0.0, 0.01, 0.025], [0.001, 0.004, 0.002])
-    assert met == pytest.approx(Times(0.03, 0.015, 0.004))
+    met = longest([0.0, 0.001, 0.031, 0.032], [0.0, 0.01, 0.025], [0.001, 0.004, 0.002], [2e-4, 9e-4])
+    assert met == pytest.approx(Times(0.03, 0.015, 0.004, 9e-4))
 
 
 def test_a_fast_computer_keeps_the_times_in_force() -> None:
-    found = proposals(SETTINGS, Times(0.002, 0.011, 0.002))
+    found = proposals(SETTINGS, Times(0.002, 0.011, 0.002, 0.001), PERIOD_S)
     assert all(one.kept for one in found)
-    assert [one.value for one in found] == [SETTINGS.stale_s, SETTINGS.heartbeat_s, SETTINGS.latency_s]
+    assert [one.value for one in found] == [SETTINGS.stale_s, SETTINGS.heartbeat_s, SETTINGS.latency_s, 0.0]
 
 
 def test_for_a_slow_computer_longer_times_are_proposed() -> None:
-    stale, heartbeat, latency = proposals(SETTINGS, Times(0.0404, 0.03, 0.0301))
+    stale, heartbeat, latency, judging = proposals(SETTINGS, Times(0.0404, 0.03, 0.0301, 0.0071), PERIOD_S)
     assert (stale.kept, stale.value) == (False, 0.081)
     assert (heartbeat.kept, heartbeat.value) == (False, 0.015)
     assert (latency.kept, latency.value) == (False, 0.046)
+    assert (judging.kept, judging.value) == (False, 0.011)
 
 
 def test_without_verdicts_no_time_is_kept() -> None:
-    found = proposals(SETTINGS, longest([], [], []))
+    found = proposals(SETTINGS, longest([], [], [], []), PERIOD_S)
     assert not any(one.kept for one in found)
     assert found[1].value == 0.02  # the largest heartbeat there is

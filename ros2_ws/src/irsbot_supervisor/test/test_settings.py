@@ -135,9 +135,10 @@ def test_a_warning_below_the_stop_is_refused_with_both_numbers(kind):
     assert getattr(same, f"{kind}_warn") == 0.12
 
 
-def test_a_stated_gap_that_is_a_silence_is_refused_with_both_numbers():
-    stated = refused(sample_gap_s=0.06, stale_s=0.05)
-    assert "sample_gap_s (0.06)" in stated
+@pytest.mark.parametrize("name", ["sample_gap_s", "judging_s"])
+def test_a_stated_time_that_is_a_silence_is_refused_with_both_numbers(name):
+    stated = refused(**{name: 0.06}, stale_s=0.05)
+    assert f"{name} (0.06)" in stated
     assert "stale_s (0.05)" in stated
 
 

@@ -610,6 +610,7 @@ def test_diagnostics_have_one_status_per_check(cell: Cell, diagnostics: Statuses
         "joint states units",
         "joint states publishers",
         "verdict subscribers",
+        "judging",
         "stops",
         "calls",
     }

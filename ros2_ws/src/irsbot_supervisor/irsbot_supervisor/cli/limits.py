@@ -16,6 +16,7 @@ from irsbot_supervisor.configuration.loading import PARAMETERS, read_settings, r
 from irsbot_supervisor.configuration.machine_times import proposals
 from irsbot_supervisor.configuration.proposal import LimitProposal, Plant, Proposal, propose
 from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.sim.simulation import Simulation
 
 FORCE_RATIO = 20.0 / 3.0
 """Default: the legs of a fast light robot carry about ten times the load in its own accelerations."""
@@ -113,7 +114,7 @@ def _measured(robot: str, seconds: float, output: Path | None, as_json: bool) ->
 
     if not as_json:
         err.print(f"the suite runs for {seconds:g} s; load this computer as it will be at work")
-    found = proposals(settings, measure(robot, seconds))
+    found = proposals(settings, measure(robot, seconds), 1.0 / Simulation().rate_hz)
     if as_json:
         print_json([{**one._asdict(), "kept": one.kept} for one in found])
     else:

@@ -6,6 +6,7 @@ import itertools
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from irsbot_supervisor.core.estimation.sample_interval import judging_time
 from irsbot_supervisor.core.settings import Settings
 
 STALE, LATE = 2.0, 1.5
@@ -24,6 +25,8 @@ class Times(NamedTuple):
     """Longest interval between two verdicts, as a listener received them."""
     delay_s: float
     """Longest time from the stamp of a sample to its verdict, as a listener received it."""
+    judging_s: float
+    """Longest time to judge a sample, from its arrival."""
 
 
 class Proposed(NamedTuple):
@@ -41,18 +44,24 @@ class Proposed(NamedTuple):
         return self.value <= self.now
 
 
-def longest(seen_s: Sequence[float], heard_s: Sequence[float], delays_s: Sequence[float]) -> Times:
-    """Longest times. seen_s: arrivals of samples; heard_s: arrivals of verdicts; delays_s: of each verdict. Sorted,
-    s."""
+def longest(
+    seen_s: Sequence[float], heard_s: Sequence[float], delays_s: Sequence[float], judged_s: Sequence[float]
+) -> Times:
+    """Longest times. seen_s: arrivals of samples; heard_s: arrivals of verdicts, sorted, s. delays_s: of each verdict.
+    judged_s: how long it took to judge each sample."""
 
     def gap(times: Sequence[float]) -> float:
         return max((b - a for a, b in itertools.pairwise(times)), default=float("inf"))
 
-    return Times(gap(seen_s), gap(heard_s), max(delays_s, default=float("inf")))
+    slowest = (max(times, default=float("inf")) for times in (delays_s, judged_s))
+    return Times(gap(seen_s), gap(heard_s), *slowest)
 
 
-def proposals(settings: Settings, met: Times) -> list[Proposed]:
-    """stale_s, heartbeat_s and latency_s from measured times; never below the values in force."""
+def proposals(settings: Settings, met: Times, period_s: float) -> list[Proposed]:
+    """stale_s, heartbeat_s, latency_s and judging_s from measured times; never below the values in force. period_s:
+    between the samples of the run."""
+    allowed_s = judging_time(settings.judging_s, max(period_s, settings.sample_gap_s))
+    judging = settings.judging_s if met.judging_s <= allowed_s else _up(LATE * met.judging_s)
     stale = max(settings.stale_s, _up(STALE * met.sample_gap_s))
     heartbeat = min(max(settings.heartbeat_s, _up(met.verdict_gap_s / STALE)), MOST_HEARTBEAT_S)
     latency = max(settings.latency_s, _up(LATE * met.delay_s))
@@ -62,6 +71,7 @@ def proposals(settings: Settings, met: Times) -> list[Proposed]:
             "heartbeat_s", settings.heartbeat_s, met.verdict_gap_s, heartbeat, "half the longest gap between verdicts"
         ),
         Proposed("latency_s", settings.latency_s, met.delay_s, latency, "1.5 times the longest way to a verdict"),
+        Proposed("judging_s", settings.judging_s, met.judging_s, judging, "1.5 times the longest judging of a sample"),
     ]
 
 

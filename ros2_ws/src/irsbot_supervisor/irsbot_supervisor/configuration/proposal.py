@@ -18,8 +18,8 @@ from irsbot_supervisor.configuration.stoppable_speed import candidates, find_sto
 from irsbot_supervisor.configuration.stopping_cost import Cost, costs, platform_way
 from irsbot_supervisor.core.assessment import SOLVED
 from irsbot_supervisor.core.box_search import margins_of_bounds
-from irsbot_supervisor.core.estimation.estimator import JUDGING_S
 from irsbot_supervisor.core.estimation.observer import excess
+from irsbot_supervisor.core.estimation.sample_interval import judging_time
 from irsbot_supervisor.core.margins import MARGIN_NAMES, margins_of, slopes
 from irsbot_supervisor.core.reachable_box import position_error
 from irsbot_supervisor.core.settings import LEAST_LIMIT, InvalidSettings, Settings, completed
@@ -72,7 +72,7 @@ class Plant(NamedTuple):
     @property
     def prediction_delay_s(self) -> float:
         """s that a robot moves without supervision: until the next sample, which is not delayed, is judged."""
-        return 1.0 / self.rate_hz + min(1.0 / self.rate_hz, JUDGING_S)
+        return 1.0 / self.rate_hz + judging_time(Settings.judging_s, 1.0 / self.rate_hz)
 
 
 class Proposal(NamedTuple):

@@ -20,8 +20,8 @@ from irsbot_supervisor.configuration.stoppable_speed import candidates, postures
 from irsbot_supervisor.core.assessment import SOLVED
 from irsbot_supervisor.core.box_search import BoxBounds, spare_of
 from irsbot_supervisor.core.estimation.estimate import Speeds
-from irsbot_supervisor.core.estimation.estimator import JUDGING_S
 from irsbot_supervisor.core.estimation.observer import Observer
+from irsbot_supervisor.core.estimation.sample_interval import judging_time
 from irsbot_supervisor.core.reachable_box import ReachableBox
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.core.stopping import cuts_of, limits_of
@@ -103,7 +103,7 @@ def _cost(
     what: str, settings: Settings, mechanism: Mechanism, period_s: float, best: Posture | None, places: list[Posture]
 ) -> Cost:
     gap_s = max(period_s, settings.sample_gap_s)
-    free_s = gap_s + min(gap_s, JUDGING_S) + settings.latency_s
+    free_s = gap_s + judging_time(settings.judging_s, gap_s) + settings.latency_s
     fastest = Speeds(settings.velocity_limit, settings.velocity_limit)
     rest = box_ways(settings, speeds_at_rest(settings, mechanism.joints, period_s), free_s)[0]
     full = box_ways(settings, fastest, free_s)[0]

@@ -101,6 +101,9 @@ class Settings:
     sample_gap_s: float = _number(
         0.0, "s", "interval between samples that is always expected; 0: as learned", 0.0, 10.0
     )
+    judging_s: float = _number(
+        0.0, "s", "longest time to judge a sample; 0: interval between samples, at most 5 ms", 0.0, 1.0
+    )
     heartbeat_s: float = _number(0.01, "s", "longest time between two verdicts", 0.001, 0.02)
     age_limit_s: float = _number(0.05, "s", "oldest acceptable stamp on arrival", 0.001, 10.0)
     future_limit_s: float = _number(0.02, "s", "how far ahead of our clock a stamp may be", 0.0, 10.0)
@@ -227,8 +230,11 @@ def _cross_faults(settings: Settings, robot: Robot) -> list[str]:
             faults.append(f"{kind}_warn ({warn!r}) must be at least {kind}_stop ({stop!r})")
     if not settings.heartbeat_s <= settings.stale_s:
         faults.append(f"heartbeat_s ({settings.heartbeat_s!r}) must not exceed stale_s ({settings.stale_s!r})")
-    if not settings.sample_gap_s <= settings.stale_s:
-        faults.append(f"sample_gap_s ({settings.sample_gap_s!r}) must not exceed stale_s ({settings.stale_s!r})")
+    faults += [
+        f"{name} ({getattr(settings, name)!r}) must not exceed stale_s ({settings.stale_s!r})"
+        for name in ("sample_gap_s", "judging_s")
+        if not getattr(settings, name) <= settings.stale_s
+    ]
     if not all(low < high for low, high in zip(settings.position_lower, settings.position_upper, strict=True)):
         faults.append(
             f"position_lower {settings.position_lower} must be below position_upper {settings.position_upper}"

@@ -145,6 +145,13 @@ class Supervisor:
         return good is not None and not self._stale and good.standing_s >= self.settings.stale_s
 
     @property
+    def judging_s(self) -> float:
+        """Longest time to judge the next sample that the last certified box allows, s; infinite while the state is
+        UNKNOWN: then no motion is allowed."""
+        good = self._good
+        return good.judging_s if good is not None and self._latch.now.level < Level.UNKNOWN else inf
+
+    @property
     def measured_stop(self) -> MeasuredStop | None:
         """The last stop that came to rest."""
         return self._stops.last
@@ -239,8 +246,8 @@ class Supervisor:
             self._latch.end_bypass()  # it was given for slow motion
         certified = self._predictor.predict(at, estimate.speeds, estimate.prediction_delay_s)
         reaction = self._reporter.reaction(estimate, assessment)
-        # While the interval is learned the level is UNKNOWN anyway: until then a robot at rest is stopped by its posture
-        # alone, and its speeds at the first sample are unknown.
+        # While the interval is learned the level is UNKNOWN anyway: until then the posture alone stops a robot at rest.
+        # At the first sample its speeds are unknown.
         waits = first or (sample.seen_ns < self._known_ns and estimate.standing_s > 0.0)
         better = None if waits else self._in_time(at, estimate, certified)
         counts = assessment.margins if waits else better or certified

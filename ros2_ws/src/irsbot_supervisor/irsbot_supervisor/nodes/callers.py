@@ -38,7 +38,8 @@ class Callers:
                 continue
             if any(topic in topics for topic, _types in clients):
                 found.append(f"{space.rstrip('/')}/{name}")
-        return f"called by {' or '.join(sorted(found))}" if found else "called by a node that has left"
+        nodes = " or ".join(sorted(found)) or "a node that has left or is not discovered yet"
+        return f"called by {nodes}"
 
     def report(self) -> GraphFault:
         """True if calls were refused since the last report."""

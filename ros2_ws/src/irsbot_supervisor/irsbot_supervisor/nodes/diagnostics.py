@@ -21,6 +21,7 @@ from irsbot_supervisor.nodes.callers import Callers
 from irsbot_supervisor.nodes.endpoints import publisher
 from irsbot_supervisor.nodes.graph_monitor import GraphFault, GraphMonitor
 from irsbot_supervisor.nodes.guard import Fail, guarded
+from irsbot_supervisor.nodes.judging_times import JudgingTimes
 from irsbot_supervisor.nodes.samples import Samples
 
 PERIOD_S = 1.0
@@ -53,13 +54,14 @@ class DiagnosticsPublisher:
         supervisor: Supervisor,
         graph_monitor: GraphMonitor,
         samples: Samples,
+        judging: JudgingTimes,
         callers: Callers,
         fail: Fail,
     ) -> None:
         self.verdict: Verdict | None = None
         self.state: SingularityState | None = None
         self._node, self._supervisor, self._graph_monitor, self._samples = node, supervisor, graph_monitor, samples
-        self._callers = callers
+        self._judging, self._callers = judging, callers
         self._skipped = 0  # until the last report
         self._counted = (time.monotonic_ns(), 0, 0)  # at the last report: steady clock, samples, verdicts
         self._publisher = publisher(node, DiagnosticArray, "/diagnostics", 10)
@@ -91,7 +93,7 @@ class DiagnosticsPublisher:
             message.status.append(self._status(GraphFault(check, stated, text), values.get(check, {})))
         robot, names = self._supervisor.robot, self._supervisor.settings.joint_names
         units = of_units(robot.mechanism.joints, names, self.state.joint_position if self.state else ())
-        for finding in (*self._graph_monitor.look(), self._rate(), self._stop(), units):
+        for finding in (*self._graph_monitor.look(), self._rate(), self._judging.report(), self._stop(), units):
             message.status.append(self._status(finding, {}))
         message.status.append(self._status(self._callers.report(), self._callers.counts))
         self._publisher.publish(message)
@@ -140,6 +142,8 @@ class DiagnosticsPublisher:
             found["joint states"]["age on arrival [s]"] = state.sample_age
             found["joint states"]["since arrival [s]"] = (now_ns - state.seen_ns) / NS_PER_S
             found["supervisor"]["time to judge [s]"] = state.compute_time
+        found["supervisor"]["longest time to judge [s]"] = self._judging.longest_s
+        found["supervisor"]["judged late"] = self._judging.late
         return found
 
     def _rate(self) -> GraphFault:

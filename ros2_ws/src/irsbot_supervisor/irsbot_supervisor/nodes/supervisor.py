@@ -21,7 +21,7 @@ from std_msgs.msg import String
 from irsbot_kinematics import KinematicsError
 from irsbot_msgs_py.cdr import encode_state, encode_verdict
 from irsbot_msgs_py.process.run import run
-from irsbot_msgs_py.records import Bypass, Reset, Restart, Tick, Verdict
+from irsbot_msgs_py.records import Bypass, JointSample, Reset, Restart, Tick, Verdict
 from irsbot_supervisor.bag.journal import Entry, configured, write_entry
 from irsbot_supervisor.core.events import Configure, Event, Step
 from irsbot_supervisor.core.settings import InvalidSettings, Settings
@@ -35,6 +35,7 @@ from irsbot_supervisor.nodes.endpoints import quality
 from irsbot_supervisor.nodes.follow import FollowServer, action_type
 from irsbot_supervisor.nodes.gate import CommandGate
 from irsbot_supervisor.nodes.graph_monitor import GraphMonitor
+from irsbot_supervisor.nodes.judging_times import JudgingTimes
 from irsbot_supervisor.nodes.later import Later, Steps
 from irsbot_supervisor.nodes.lifecycle import answer_every_request, forget_state_machine
 from irsbot_supervisor.nodes.markers import MarkersPublisher
@@ -106,9 +107,10 @@ class SupervisorNode(LifecycleNode):
         self._stream = quality(self, SingularityState, "~/state", STREAM)
         self._lasting = quality(self, String, "~/journal", JOURNAL)
         self._samples = Samples(self, INLET, self._step)
+        self._judging = JudgingTimes()
         graph_monitor = GraphMonitor(self, self._callers.counts)
         self._diagnostics = DiagnosticsPublisher(
-            self, self._supervisor, graph_monitor, self._samples, self._callers, self._fail
+            self, self._supervisor, graph_monitor, self._samples, self._judging, self._callers, self._fail
         )
         self._markers = MarkersPublisher(self, self._robot, self._supervisor, self._frame, self._fail)
         self._posture = PosturePublisher(self, self._robot, prefix, self._fail)
@@ -281,6 +283,7 @@ class SupervisorNode(LifecycleNode):
         """Run the core with one guard: an internal error becomes an UNKNOWN verdict and a log line."""
         if not self._active:
             return None
+        allowed_s = self._supervisor.judging_s
         try:
             step = self._supervisor.step(event, self._is_wanted(event.seen_ns))
             if step.state is not None:
@@ -292,6 +295,8 @@ class SupervisorNode(LifecycleNode):
             if step.verdict is not None:
                 self._say(step.verdict)
                 self._markers.verdict = self._diagnostics.verdict = step.verdict
+            if isinstance(event, JointSample):
+                self._judging.note((time.monotonic_ns() - event.seen_ns) * 1e-9, allowed_s)
             return step
         except Exception as error:
             self._fail(error)

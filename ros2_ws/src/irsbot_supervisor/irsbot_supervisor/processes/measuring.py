@@ -43,6 +43,7 @@ def measure(robot: str, seconds: float) -> Times:
     seen: list[float] = []
     heard: list[float] = []
     delays: list[float] = []
+    judged: list[float] = []
     domain = free_domain()
 
     def on_verdict(verdict: Verdict) -> None:
@@ -50,27 +51,26 @@ def measure(robot: str, seconds: float) -> Times:
         if verdict.stamp_ns:
             delays.append(time.time() - verdict.stamp_ns / NS_PER_S)
 
+    def on_state(data: bytes) -> None:
+        state = decode_state(data)
+        seen.append(state.seen_ns / NS_PER_S)
+        judged.append(state.compute_time)
+
     with tempfile.TemporaryDirectory() as folder, Suite(Path(folder) / "logs", domain) as suite:
         suite.start(Node("recorder", RECORDER, {"output": str(Path(folder) / "bag")}))
         suite.start(Node("kinematics", KINEMATICS, {"robot": robot}))
         suite.start(Node("supervisor", SUPERVISOR, {"robot": robot}))
         suite.start(Node("simulated_joints", JOINTS, {"robot": robot, "scenario": "stand", "listeners": 2}))
         with Watch(domain, on_verdict) as watch:
-            watch.node.create_subscription(
-                StateMessage,
-                "supervisor/state",
-                lambda data: seen.append(decode_state(data).seen_ns / NS_PER_S),
-                DEPTH,
-                raw=True,
-            )
+            watch.node.create_subscription(StateMessage, "supervisor/state", on_state, DEPTH, raw=True)
             _look(suite, watch, STARTING_S, lambda: bool(seen))
             if not seen:
                 raise SuiteError(f"no sample was judged in the first {STARTING_S:g} s")
             _look(suite, watch, SETTLING_S, lambda: False)
-            for times in (seen, heard, delays):
+            for times in (seen, heard, delays, judged):
                 times.clear()
             _look(suite, watch, seconds, lambda: False)
-    return longest(sorted(seen), heard, delays)
+    return longest(sorted(seen), heard, delays, judged)
 
 
 def _look(suite: Suite, watch: Watch, seconds: float, done: Callable[[], bool]) -> None:

@@ -42,3 +42,4 @@ class Estimate(NamedTuple):
     branch_lost: str = ""  # empty, or why the branch is unknown from this sample on
     silence: Silence | None = None  # region that must be free of Type 2 for the branch to be known
     in_time_s: float | None = None  # if samples have come late: `prediction_delay_s` if they came as they are sent now
+    judging_s: float = 0.0  # s: the part of `expected_s` for judging

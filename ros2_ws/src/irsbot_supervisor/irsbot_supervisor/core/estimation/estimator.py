@@ -13,14 +13,10 @@ from irsbot_supervisor.core.estimation.frozen import Frozen, Suspicion
 from irsbot_supervisor.core.estimation.jumps import Jumps
 from irsbot_supervisor.core.estimation.observer import Observer, excess
 from irsbot_supervisor.core.estimation.reported import Reported
-from irsbot_supervisor.core.estimation.sample_interval import SampleIntervals, SecondLargest
+from irsbot_supervisor.core.estimation.sample_interval import SampleIntervals, SecondLargest, judging_time
 from irsbot_supervisor.core.reachable_box import ReachableBox
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.core.validation import Accepted, Rejected
-
-JUDGING_S = 0.005
-"""s: assumed longest time to judge a sample, or the sample interval if that is shorter
-(docs/explanation/guarantee.md)."""
 
 LEAD_NS = 10 * NS_PER_S
 """ns: least time for which a lead of the sender's clock is remembered."""
@@ -34,6 +30,7 @@ class Wait(NamedTuple):
     """Time until the next sample has come and is judged."""
 
     expected_s: float
+    judging_s: float  # of it for judging
     usual_s: float  # at the present interval of the sender
     late: bool  # True if samples have come more rarely than that
     rare: bool  # and more rarely than heartbeats
@@ -57,7 +54,7 @@ class Estimator:
     def configure(self, settings: Settings) -> None:
         """Take in new limits; the last sample and the learned sample interval are kept."""
         self._stale_s, self._heartbeat_s, self._latency_s = settings.stale_s, settings.heartbeat_s, settings.latency_s
-        self._settings, self._recovery = settings, settings.recovery_share
+        self._settings, self._recovery, self._judging_s = settings, settings.recovery_share, settings.judging_s
         self._slow, self._step = settings.standstill_speed, 2.0 * settings.encoder_resolution
         self._box = ReachableBox(settings)
         self._intervals.configure(settings.stale_s, settings.sample_gap_s, settings.heartbeat_s)
@@ -69,7 +66,7 @@ class Estimator:
         force."""
         last, jumps = self._last, self._jumps
         if last is None:
-            return self._anew(sample, Wait(0.0, 0.0, False, False))
+            return self._anew(sample, Wait(0.0, 0.0, 0.0, False, False))
         if step := step_ns(sample, last):
             last = self._last = self._moved(last, step)
             self._before = self._before and self._moved(self._before, step)
@@ -138,7 +135,9 @@ class Estimator:
     def _expected(self, sample: Accepted, passed_s: float, stamped_s: float) -> Wait:
         interval = self._intervals.expected(sample.seen_ns, passed_s, stamped_s)
         longest_s, usual_s = interval.longest_s, interval.usual_s
-        return Wait(longest_s + min(longest_s, JUDGING_S), usual_s + min(usual_s, JUDGING_S), *interval[2:])
+        judging_s = judging_time(self._judging_s, longest_s)
+        usual_s += judging_time(self._judging_s, usual_s)
+        return Wait(longest_s + judging_s, judging_s, usual_s, interval.late, interval.rare)
 
     def _unseen(self, sample: Accepted, since: Estimate, held: bool) -> Silence | None:
         """Region in which the joints may have been since an earlier sample; None if there was no silence.
@@ -225,6 +224,7 @@ class Estimator:
             branch_lost or suspicion.branch_lost,
             silence,
             age_s + wait.usual_s if excused else None,
+            wait.judging_s,
         )
         self._before, self._last = self._last, estimate
         return estimate

@@ -11,6 +11,15 @@ SETTLING = 2.0
 """1: multiple of the longest time without a sample over which intervals are remembered, and for which the interval is
 learned after a silence: the window contains two intervals of any length."""
 
+JUDGING_S = 0.005
+"""s: longest time to judge a sample, if `judging_s` does not state it and samples come more rarely."""
+
+
+def judging_time(stated_s: float, interval_s: float) -> float:
+    """Longest time to judge a sample, s: `judging_s`, or what an interval between samples leaves
+    (docs/explanation/guarantee.md, assumption 9)."""
+    return max(stated_s, min(interval_s, JUDGING_S))
+
 
 class SecondLargest:
     """The second-largest value of a window of one to two spans: the largest may be an outlier."""
