@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 from command import IRSBOT, PATIENCE_S
 from fake_supervisors import FakeTimidSupervisor
+from rows_for_tests import break_down, not_met, plainness
 
 from irsbot_kinematics.compiled import SWITCH
 from irsbot_msgs_py.records import Level
@@ -253,18 +254,6 @@ def test_an_unknown_row_or_robot_is_refused_in_one_line(words: tuple[str, str], 
     assert len(done.stderr.splitlines()) == 1
 
 
-def break_down(_job: Job) -> Row:
-    raise ValueError("out of luck")
-
-
-def not_met(work: Job) -> Row:
-    tally = Tally("bad", work)
-    tally.case(unsafe="allowed")
-    tally.case(failed="late")
-    tally.case()
-    return tally.row()
-
-
 def test_a_row_that_breaks_down_is_a_row_that_is_not_met() -> None:
     cases: list[tuple[str, int]] = []
     orders = [Order(Entry(name, "", 3, 3, run), 3, 1) for name, run in (("worse", break_down), ("bad", not_met))]
@@ -272,12 +261,6 @@ def test_a_row_that_breaks_down_is_a_row_that_is_not_met() -> None:
     assert not worse.ok
     assert worse.note == "ValueError: out of luck"
     assert (bad.amount, bad.unsafe, bad.failed, bad.note, bad.ok) == (3, 1, 1, "allowed", False)
-
-
-def plainness(work: Job) -> Row:
-    tally = Tally(os.environ.get(SWITCH, ""), work)
-    tally.case()
-    return tally.row()
 
 
 def test_rows_that_copy_supervisors_run_in_plain_python_and_rows_with_nodes_as_installed(
