@@ -167,7 +167,7 @@ def test_every_channel_carries_the_messages_of_its_topic(client: Client, served:
     for topic, one in client.channels.items():
         types = get_typestore(Stores.EMPTY)
         types.register(get_types_from_msg(one["schema"], one["schemaName"]))
-        told = types.deserialize_cdr(client.heard[topic][-1], one["schemaName"])
+        told: Any = types.deserialize_cdr(client.heard[topic][-1], one["schemaName"])
         if topic == "/supervisor/state":
             assert len(told.type1_margin) == 2
             assert 0.0 < told.type2_margin <= 1.0

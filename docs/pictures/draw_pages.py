@@ -99,7 +99,7 @@ def take(browser: Browser, target: Path, name: str) -> None:
 
 
 def smaller(file: Path) -> None:
-    Image.open(file).convert("RGB").quantize(128).save(file, optimize=True)
+    Image.open(file).convert("RGB").quantize(256).save(file, optimize=True)
 
 
 if __name__ == "__main__":

@@ -114,7 +114,7 @@ def drawn(asked: Asked) -> bytes:
 
 def segments(points: Array) -> Iterator[tuple[Array, Array]]:
     """Pieces of a curve (N, 2), thinned evenly, none across an interruption."""
-    known = np.isfinite(points).all(axis=1)
+    known = np.isfinite(points[:, 0]) & np.isfinite(points[:, 1])
     for run in np.split(np.arange(len(points)), np.flatnonzero(np.diff(known)) + 1):
         if len(run) > 1 and known[run[0]]:
             rows = np.unique(np.append(run[:: 1 + len(run) // MOST], run[-1]))
