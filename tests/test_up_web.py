@@ -78,7 +78,7 @@ def browser(up: Up, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browse
 
 def test_margins_stand_beside_the_limits_of_the_run(browser: Browser) -> None:
     settings, _robot = read_settings("irsbot2")
-    browser.until(POSTURE)
+    browser.until(f"{POSTURE} && document.querySelectorAll('.tile').length > 3")
     told = browser.run("[...document.querySelectorAll('.tile')].map(t => [...t.children].map(c => c.textContent))")
     tiles = {name: limits for name, _value, limits in told}
     stops, warns = limits_of(settings, "stop"), limits_of(settings, "warn")
@@ -87,7 +87,7 @@ def test_margins_stand_beside_the_limits_of_the_run(browser: Browser) -> None:
     for name, stop, warn in zip(MARGINS, stops, warns, strict=True):
         if name in tiles:
             assert tiles[name] == f"stop below {stop:g}, warning below {warn:g}"
-    assert browser.run(WORD) in ("OK", "WARN", "STOP", "UNKNOWN")
+    browser.until(f"['OK', 'WARN', 'STOP', 'UNKNOWN'].includes({WORD})")  # a busy machine may not answer at once
 
 
 def test_the_mechanism_moves_as_the_joints_do(browser: Browser) -> None:
