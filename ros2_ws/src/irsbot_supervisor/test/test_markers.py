@@ -6,17 +6,25 @@ import math
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pytest
 
 pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
 from cell import GOOD, NEAR, Cell, Wire, going
+from rclpy.serialization import deserialize_message
 from visualization_msgs.msg import Marker, MarkerArray
 
 import irsbot_kinematics as irs
+from irsbot_kinematics.conformance.samples import Machine
+from irsbot_kinematics.mechanism import Status
 from irsbot_msgs_py.records import Level
-from irsbot_supervisor.nodes.loci import FIRST
+from irsbot_supervisor.nodes.later import Steps
+from irsbot_supervisor.nodes.loci import AGAIN_S, FIRST, TURN, Asked, Loci, drawn, segments
+from irsbot_supervisor.processes.worker import Task, WorkerError
 
 pytestmark = pytest.mark.ros
 
@@ -87,3 +95,57 @@ def _reaches(robot: irs.Robot, pose: tuple[float, float]) -> bool:
     except irs.Unreachable:
         return False
     return True
+
+
+@pytest.mark.parametrize(("name", "numbers"), [("five_bar", [10, 11]), ("rrr3", [10, 11, 12]), ("linear_delta", [])])
+def test_loci_are_those_of_the_plane_and_say_at_which_turn(name: str, numbers: list[int]) -> None:
+    robot = irs.make_robot(name)
+    at = next(at for at in Machine(robot, 20, 11).postures if at.status == Status.SOLVED)
+    message = drawn(Asked(robot, at.working_mode, at.pose, "base", "here"))
+    found = deserialize_message(message, MarkerArray).markers if message else []
+    assert [marker.id for marker in found] == numbers
+    assert all(len(marker.points) > 10 and len(marker.points) % 2 == 0 for marker in found[:2])
+    if name == "rrr3":
+        assert found[2].text == f"loci at phi = {at.pose[2]:.2f} rad"
+
+
+def test_a_thinned_curve_keeps_its_ends_and_its_interruption() -> None:
+    curve = np.column_stack([np.arange(1000.0), np.zeros(1000)])
+    curve[500] = np.nan
+    found = list(segments(curve))
+    assert 200 <= len(found) <= 450
+    joined = [(float(start[0]), float(end[0])) for start, end in found]
+    assert {joined[0][0], joined[-1][1]} == {0.0, 999.0}
+    assert not any(start < 500.0 < end for start, end in joined)
+
+
+class Worked:
+    """In place of a worker process: keeps what is asked, and answers when it is told to."""
+
+    def __init__(self) -> None:
+        self.asked: list[Steps] = []
+
+    def run(self, steps: Steps) -> None:
+        assert isinstance(next(steps), Task)
+        self.asked.append(steps)
+
+
+def test_a_section_is_found_again_where_the_platform_has_turned_but_seldom() -> None:
+    robot, worked, logged = irs.make_robot("rrr3"), Worked(), []
+    logger: Any = SimpleNamespace(warning=logged.append)
+    node: Any = SimpleNamespace(get_fully_qualified_name=lambda: "/supervisor", get_logger=lambda: logger)
+    later: Any = worked
+    loci = Loci(node, later, robot, robot.mechanism.usual_working_mode, "base")
+    loci.want((0.0, 0.0, 0.0), 0.0)
+    loci.want((0.3, 0.1, 0.5 * TURN), 100.0)  # moved, hardly turned
+    loci.want((0.0, 0.0, 2.0 * TURN), 0.5 * AGAIN_S)  # turned, a moment ago
+    assert len(worked.asked) == 1
+    with pytest.raises(StopIteration):
+        worked.asked[0].send(b"found")
+    assert loci.message == b"found"
+    loci.want((0.0, 0.0, 2.0 * TURN), 2.0 * AGAIN_S)
+    assert len(worked.asked) == 2
+    with pytest.raises(StopIteration):
+        worked.asked[1].throw(WorkerError("no memory"))  # no verdict depends on it
+    assert loci.message == b"found"
+    assert "no memory" in logged[0]
