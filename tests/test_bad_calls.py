@@ -175,6 +175,12 @@ map irsbot2 --mode up
 map irsbot2 -o x.jpg
 monitor --web --once
 monitor --web --web-port 0
+monitor --foxglove --json
+monitor --foxglove --web
+monitor --foxglove --foxglove-port nonsense
+monitor --foxglove --foxglove-host nonsense.invalid
+up --web --foxglove --foxglove-port 8765
+up --foxglove --foxglove-port 65536
 map irsbot2 -o exists.png
 map irsbot2 --nodes 1
 map irsbot2 --box 1 0 0 1

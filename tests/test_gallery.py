@@ -35,7 +35,7 @@ def test_a_sheet_is_drawn_in_every_format(script: ModuleType, tmp_path: Path) ->
 def test_the_bars_of_a_drawing_have_the_lengths_of_the_robot(script: ModuleType) -> None:
     """The rods of a five-bar end in its platform point."""
     sheet = script.Sheet("five_bar", 2)
-    ends = [end for start, end, _kind in script._bars(sheet.mechanism.skeleton(), sheet.at)]
+    ends = [end for start, end, _link in sheet.bars()]
     x, z = sheet.at.pose
     assert sum(abs(end[0] - x) < 1e-6 and abs(end[2] - z) < 1e-6 for end in ends) >= 1
 

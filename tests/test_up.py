@@ -211,8 +211,8 @@ def test_a_file_of_parameters_may_be_for_several_robots_and_reaches_its_own(tmp_
 
 
 def started_nodes() -> dict[str, list[str]]:
-    """The nodes that `up` starts without --web, and their parameters."""
-    return {node: known for node, known in _parameters("").items() if node != "/live_page"}
+    """The nodes that `up` starts without --web and --foxglove, and their parameters."""
+    return {node: known for node, known in _parameters("").items() if node not in ("/live_page", "/foxglove")}
 
 
 def test_the_parameters_that_up_knows_are_those_of_the_nodes(tmp_path: Path) -> None:

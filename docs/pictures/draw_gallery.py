@@ -29,7 +29,7 @@ from irsbot_kinematics.analysis.force_workspace import Load, force_workspace, re
 from irsbot_kinematics.analysis.workspace_maps import Box, Map, joint_map, reachable_box, workspace_map
 from irsbot_kinematics.conformance.samples import Machine
 from irsbot_kinematics.mechanism import Mechanism, Posture, Status
-from irsbot_kinematics.skeleton import Link
+from irsbot_kinematics.skeleton import BASE, PLATFORM, Bar, bars
 from irsbot_supervisor.configuration.loading import shipped_values
 from irsbot_supervisor.core.margins import MARGIN_KINDS, margins_of
 from irsbot_supervisor.core.settings import completed
@@ -91,6 +91,15 @@ class Sheet:
         figure.savefig(target, dpi=80)
         if target.suffix == ".png":
             Image.open(target).convert("RGB").quantize(128).save(target, optimize=True)
+
+    def bars(self) -> list[Bar]:
+        """Bars of the links in the posture that is drawn."""
+        skeleton, at = self.mechanism.skeleton(), self.at
+        if skeleton is None:
+            return []
+        return bars(
+            skeleton, {**dict(zip(skeleton.drives, at.joints, strict=True)), **skeleton.closing(at.joints, at.pose)}
+        )
 
     def _good_posture(self) -> tuple[Posture, Any]:
         """Of many postures the one whose smallest margin, as a share of its limit, is largest; and all their poses."""
@@ -226,48 +235,17 @@ class Sheet:
 
     def _posture(self, axes: Axes) -> None:
         """In its plane; robots in space obliquely, from the front and above."""
-        skeleton = self.mechanism.skeleton()
         names = [one.name for one in self.mechanism.task]
         spatial = {"y", "z"} <= set(names)
         onto = OBLIQUE if spatial else np.eye(3)[[0, 2 if "z" in names else 1]]
-        for start, end, kind in _bars(skeleton, self.at) if skeleton else []:
-            look = {"base": ("#777777", 2.0, "-"), "platform": (POSTURE, 4.0, "-")}.get(kind, ("#1f2a33", 2.2, "-"))
+        for start, end, link in self.bars():
+            look = {BASE: ("#777777", 2.0, "-"), PLATFORM: (POSTURE, 4.0, "-")}.get(link, ("#1f2a33", 2.2, "-"))
             line = onto @ np.column_stack([start, end])
             axes.plot(*line, color=look[0], linewidth=look[1], linestyle=look[2], marker="o", markersize=3)
         axes.set_title(f"Posture with large margins{', seen obliquely' if spatial else ''}", fontsize="medium")
         axes.set_xlabel("to the right [m]" if spatial else "x [m]")
         axes.set_ylabel("upwards on the paper [m]" if spatial else f"{names[1]} [m]")
         axes.set_aspect("equal", adjustable="datalim")
-
-
-def _bars(skeleton: Any, at: Posture) -> list[tuple[Any, Any, str]]:
-    """Bars of the links at a posture: from, to, and what they are; of the base, links or platform."""
-    joints = {**dict(zip(skeleton.drives, at.joints, strict=True)), **skeleton.closing(at.joints, at.pose)}
-    frames = {"base": (np.eye(3), np.zeros(3))}
-    found = [(np.array(start), np.array(end), "base") for start, end in skeleton.rails]
-    link: Link
-    for link in skeleton.links:
-        turn, place = frames[link.parent]
-        origin = place + turn @ np.array(link.origin)
-        here = origin
-        if link.axis:
-            axis, q = np.array(link.axis), joints[link.joint]
-            if link.slides:
-                here = origin + turn @ axis * q
-                found.append((origin, here, "base"))
-            else:
-                turn = turn @ _rotation(axis, q)
-        frames[link.name] = (turn, here)
-        kind = "platform" if link.name == "platform" else "link"
-        found += [(here, here + turn @ np.array(end), kind) for end in link.shape]
-    return found
-
-
-def _rotation(axis: Any, angle: float) -> Any:
-    """About a unit vector, formula of Rodrigues."""
-    x, y, z = axis
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
 
 
 PAGE = """# Gallery

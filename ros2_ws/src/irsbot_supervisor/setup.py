@@ -31,7 +31,10 @@ setup(
         "distributed",
         "websockets",
     ],
-    extras_require={"test": ["pytest"]},  # by which `colcon test` knows what to run
+    extras_require={
+        "foxglove": ["foxglove-sdk"],
+        "test": ["pytest"],  # by which `colcon test` knows what to run
+    },
     zip_safe=False,
     maintainer="irsbot maintainers",
     maintainer_email="maintainers@irsbot.example",

@@ -63,6 +63,44 @@ class Skeleton:
         return tuple(link.joint for link in self.links if link.axis and link.joint not in self.drives)
 
 
+class Bar(NamedTuple):
+    """A bar of a drawing, ends in the base frame, m."""
+
+    start: Vector
+    end: Vector
+    link: str
+    """Name of the link that it belongs to; BASE for rails, and for the way that a link has slid on one."""
+
+
+def bars(skeleton: Skeleton, positions: Mapping[str, float]) -> list[Bar]:
+    """Bars of all links. positions: of every joint by name, rad or m, as the drives and `closing` give them."""
+    found = [Bar(start, end, BASE) for start, end in skeleton.rails]
+    frames: dict[str, tuple[tuple[Vector, Vector, Vector], Vector]] = {BASE: ((X, Y, Z), HERE)}
+    for link in skeleton.links:
+        columns, place = frames[link.parent]  # images of x, y, z, and position of the parent's origin
+        start = place = added(place, _image(columns, link.origin))
+        if link.axis and link.slides:
+            place = added(place, scaled(positions[link.joint], _image(columns, link.axis)))
+            found.append(Bar(start, place, BASE))
+        elif link.axis:
+            q, axis = positions[link.joint], _image(columns, link.axis)
+            columns = _about(axis, q, columns[0]), _about(axis, q, columns[1]), _about(axis, q, columns[2])
+        frames[link.name] = columns, place
+        found += [Bar(place, added(place, _image(columns, end)), link.name) for end in link.shape]
+    return found
+
+
+def _image(columns: tuple[Vector, Vector, Vector], way: Vector) -> Vector:
+    """A vector of a turned frame in the base frame."""
+    return added(*map(scaled, way, columns))
+
+
+def _about(axis: Vector, angle: float, way: Vector) -> Vector:
+    """A vector turned about a unit vector: formula of Rodrigues."""
+    c, s = cos(angle), sin(angle)
+    return added(scaled(c, way), scaled(s, cross(axis, way)), scaled((1.0 - c) * dot(axis, way), axis))
+
+
 class Rod(NamedTuple):
     """A rod on a universal joint of its parent: it turns about `turn`, then tilts about `down x turn`."""
 

@@ -1,5 +1,5 @@
 """`python -m irsbot_supervisor` is the command line `irsbot`."""
 
-from irsbot_supervisor.cli.app import main
+from irsbot_supervisor.executables import irsbot
 
-main()
+irsbot()

@@ -21,10 +21,12 @@ from irsbot_msgs.msg import RecorderHealth as RecorderHealthMsg
 from irsbot_msgs.msg import Verdict as VerdictMsg
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.serialization import deserialize_message
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
+from visualization_msgs.msg import Marker, MarkerArray
 
 from irsbot_msgs_py.cdr import encode_joint_state, encode_verdict
 from irsbot_msgs_py.convert import health_record
@@ -271,3 +273,16 @@ def test_a_recorder_that_cannot_record_gives_its_reason_in_one_line(parameters: 
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert words in done.stderr
+
+
+def test_markers_are_recorded_on_request(scene: Scene) -> None:
+    markers = scene.node.create_publisher(MarkerArray, "supervisor/markers", 1)
+    scene.start("topics.markers:=supervisor/markers")
+    scene.until_listening()
+    scene.until(lambda: markers.get_subscription_count())
+    markers.publish(MarkerArray(markers=[Marker(ns="here", text="drawn")]))
+    scene.until(lambda: scene.health and scene.health[-1].messages_written > 0)
+    assert scene.end(signal.SIGINT)[0] == 0
+    with Bag(scene.bag) as opened:
+        (kept,) = [message for message in opened.messages() if message.topic == "/cell/supervisor/markers"]
+    assert deserialize_message(kept.data, MarkerArray).markers[0].text == "drawn"

@@ -37,7 +37,6 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, String
 from trajectory_msgs.msg import JointTrajectoryPoint
-from visualization_msgs.msg import Marker, MarkerArray
 
 import irsbot_kinematics as irs
 from irsbot_msgs_py.records import Bypass, Cause, JointSample, Level
@@ -796,28 +795,6 @@ def test_best_effort_joint_states_are_received_on_request(wire: Wire):
     best_effort = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
     cell.joints = cell.node.create_publisher(JointState, "joint_states", best_effort)
     cell.heard_level(Level.OK)
-
-
-def test_markers_show_level_margin_and_the_way_out(wire: Wire):
-    cell = Cell(wire, base_frame="cell")
-    drawn: list[MarkerArray] = []
-    cell.node.create_subscription(MarkerArray, "supervisor/markers", drawn.append, 1)
-    cell.heard_level(Level.OK)
-    wire.until(lambda: drawn and "OK" in drawn[-1].markers[1].text)
-    platform, text, arrow = drawn[-1].markers
-    assert {marker.header.frame_id for marker in (platform, text, arrow)} == {"cell"}
-    place = platform.pose.position
-    assert (place.x, place.y, place.z) == pytest.approx((0.0, 0.0, -0.85), abs=1e-9)
-    assert platform.color.g > platform.color.r
-    assert "stop 0.040" in text.text  # the constraint margin governs here
-    assert arrow.action == Marker.DELETE
-    cell.say = going(GOOD, NEAR, time.time_ns(), 3.0)
-    wire.until(lambda: drawn[-1].markers[2].action == Marker.ADD)
-    platform, text, arrow = drawn[-1].markers
-    assert platform.color.r > platform.color.g
-    assert text.text.startswith("STOP Type")
-    start, tip = arrow.points
-    assert tip.z - start.z > 0.5 * math.dist((start.x, start.z), (tip.x, tip.z))  # up, away from straight legs
 
 
 def test_passive_joints_are_published_to_subscribers(cell: Cell):

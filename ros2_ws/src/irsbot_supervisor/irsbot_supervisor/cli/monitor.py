@@ -12,7 +12,17 @@ from irsbot_msgs_py.records import cause_names
 from irsbot_supervisor.cli.common import Failed, out, print_json, refuse
 from irsbot_supervisor.cli.operate import AsJson, Domain, Namespace, Patience
 from irsbot_supervisor.cli.tables.monitor import screen
-from irsbot_supervisor.cli.web import WEB_HOST, WEB_PORT, WebHost, WebPort, check_page
+from irsbot_supervisor.cli.web import (
+    FOXGLOVE_PORT,
+    WEB_HOST,
+    WEB_PORT,
+    FoxgloveHost,
+    FoxglovePort,
+    WebHost,
+    WebPort,
+    check_foxglove,
+    check_page,
+)
 from irsbot_supervisor.processes.observed import Seen
 
 FRAME_S = 0.1
@@ -28,19 +38,36 @@ def monitor(
     web: Annotated[bool, typer.Option("--web", help="serve a page for browsers in place of the terminal")] = False,
     web_host: WebHost = WEB_HOST,
     web_port: WebPort = WEB_PORT,
+    foxglove: Annotated[bool, typer.Option("--foxglove", help="serve Foxglove in place of the terminal")] = False,
+    foxglove_host: FoxgloveHost = WEB_HOST,
+    foxglove_port: FoxglovePort = FOXGLOVE_PORT,
 ) -> None:
     """Watch a running suite: level, margins against their limits, rates, ages, changes. Ctrl-C ends it.
 
     With --once or --json the command prints one picture; exit code 1 if it receives no verdict.
 
-    With --web a browser shows the same and the mechanism in its workspace, live. The page cannot change anything.
+    With --web a browser shows the same and the mechanism in its workspace, live. With --foxglove the Foxglove app
+    connects and shows the topics. Neither can change anything.
 
     Example: irsbot monitor --namespace left.
     """
-    if web and (once or as_json):
-        refuse("--web goes on until Ctrl-C: leave out --once and --json")
+    served = "--web" if web else "--foxglove"
+    if (web or foxglove) and (once or as_json):
+        refuse(f"{served} goes on until Ctrl-C: leave out --once and --json")
+    if web and foxglove:
+        refuse("--web and --foxglove are two commands here; `irsbot up` takes both")
     if web:
         check_page(web_host, web_port)
+    if foxglove:
+        check_foxglove(foxglove_host, foxglove_port)
+        from irsbot_supervisor.live import foxglove as relay
+        from irsbot_supervisor.processes.polling import Polling
+
+        with Polling(domain, namespace.strip("/"), "foxglove") as node:
+            relay.run(
+                node, foxglove_host, foxglove_port, lambda address: out.print(f"Foxglove: {address}   Ctrl-C ends it")
+            )
+        return
     from irsbot_supervisor.processes.monitoring import Monitor  # needs ROS, which the other commands do not
 
     with Monitor(domain, namespace.strip("/")) as listener:

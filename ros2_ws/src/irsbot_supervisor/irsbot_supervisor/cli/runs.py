@@ -21,11 +21,22 @@ from irsbot_msgs_py.records import Cause, Level, SingularityState, Verdict, caus
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.bag.mcap_writer import BagError
 from irsbot_supervisor.cli.common import Failed, err, existing, out, refuse
-from irsbot_supervisor.cli.web import WEB_HOST, WEB_PORT, WebHost, WebPort, check_page
+from irsbot_supervisor.cli.web import (
+    FOXGLOVE_PORT,
+    WEB_HOST,
+    WEB_PORT,
+    FoxgloveHost,
+    FoxglovePort,
+    WebHost,
+    WebPort,
+    check_foxglove,
+    check_page,
+)
 from irsbot_supervisor.configuration.loading import read_settings, robot_of, shipped_values
 from irsbot_supervisor.configuration.ros_parameter_file import read_parameters
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.processes.suite import (
+    FOXGLOVE,
     GATED,
     JOINTS,
     KINEMATICS,
@@ -71,7 +82,7 @@ DDS_DOMAINS = range(233)
 NAMESPACE = r"[A-Za-z_]\w*(/[A-Za-z_]\w*)*"
 """Pattern of a ROS namespace without leading and trailing slash."""
 
-BYSTANDERS = ("recorder", "kinematics", "live_page")
+BYSTANDERS = ("recorder", "kinematics", "live_page", "foxglove")
 """Nodes that supervision does not need."""
 
 ENDLESS_S = 6.0
@@ -162,11 +173,14 @@ def up(
     web: Annotated[bool, typer.Option("--web", help="serve a live page for browsers, as monitor --web does")] = False,
     web_host: WebHost = WEB_HOST,
     web_port: WebPort = WEB_PORT,
+    foxglove: Annotated[bool, typer.Option("--foxglove", help="serve Foxglove, as monitor --foxglove does")] = False,
+    foxglove_host: FoxgloveHost = WEB_HOST,
+    foxglove_port: FoxglovePort = FOXGLOVE_PORT,
 ) -> None:
     """Run the suite until Ctrl-C: simulated joints, kinematics, supervisor, recorder.
 
-    If a recorder node, a kinematics node or the page ends, the command reports it and supervision goes on; the exit
-    code is then 1. If any other node ends, the suite ends.
+    If a recorder node, a kinematics node, the page or the server for Foxglove ends, the command reports it and
+    supervision goes on; the exit code is then 1. If any other node ends, the suite ends.
 
     With --single-process the nodes are threads of one process, suite_node; a crash ends all of them.
 
@@ -190,6 +204,10 @@ def up(
         read_settings(robot, {name: value for name, value in of_supervisor.items() if name in names}, params)
     if web:
         check_page(web_host, web_port)
+    if foxglove:
+        check_foxglove(foxglove_host, foxglove_port)
+        if web and web_port == foxglove_port:
+            refuse(f"the page and Foxglove need a port each, both are {web_port}: --foxglove-port gives another")
     target = folder or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-up"
     _prepare(target)
     _end_in_order_when_told_to()
@@ -207,6 +225,9 @@ def up(
         if web:
             suite.start(Node("live_page", LIVE_PAGE, {"host": web_host, "port": web_port}))
             out.print(f"live page: http://{web_host}:{web_port}")
+        if foxglove:
+            suite.start(Node("foxglove", FOXGLOVE, {"host": foxglove_host, "port": foxglove_port}))
+            out.print(f"Foxglove: ws://{foxglove_host}:{foxglove_port}")
         out.print(f"up on DDS domain {domain}, logs and bag under {target}; Ctrl-C ends it")
         _watch_over(suite)
     if together and suite.processes["suite"].returncode:
@@ -229,6 +250,7 @@ def _parameters(namespace: str) -> dict[str, list[str]]:
         "kinematics": ("robot",),
         "supervisor": (*supervisor.PARAMETERS, *(entry.name for entry in fields(Settings))),
         "live_page": ("host", "port"),
+        "foxglove": ("host", "port"),
         "simulated_joints": ("fault", *(entry.name for entry in fields(Simulation))),
     }
     return {f"{namespace}/{node}": list(names) for node, names in found.items()}

@@ -26,7 +26,7 @@ CHANGES = 8
 """Changes of the verdict that a page lists."""
 
 BOX_EVERY = 3
-"""Looks between two drawings of the reachable box: it takes longer than the rest."""
+"""Looks between two drawings of the reachable box: it takes longer than the rest, and is drawn for pages alone."""
 
 Draw = Callable[[Scene, SingularityState], None]
 """Asked once for a robot, with its first known pose, to find what stands still; it answers with `Feed.show`."""
@@ -57,6 +57,7 @@ class Feed:
         self._configured: tuple[Mapping[str, Any], Mapping[str, Any]] = {}, {}
         self._asked = False
         self._box: list[Any] = []
+        self._told = False  # since the newest box
 
     def hear(self, seen: Seen, now_s: float) -> None:
         """A new look."""
@@ -75,7 +76,8 @@ class Feed:
         if scene is None or state is None:
             self._box = []
         elif self._count % BOX_EVERY == 0:
-            self._box = [list(map(rounded, line)) for line in scene.reachable(state, 1.0 / max(seen.state_hz, 1.0))]
+            lines = scene.reachable(state, 1.0 / max(seen.state_hz, 1.0)) if self._told else []
+            self._box, self._told = [list(map(rounded, line)) for line in lines], False
         self._now = plain({"t": now_s, **_now(seen, state), "box": self._box})
         if seen.changes[-1:] != (self._change,) and seen.changes:
             self._change = seen.changes[-1]
@@ -91,6 +93,7 @@ class Feed:
 
     def answer(self, known: Known) -> str:
         """JSON: `setup` and `changes` if the page has others, `rows` since the last, and `now`."""
+        self._told = True
         told: dict[str, Any] = {"now": self._now}
         if known.setup != self._number:
             told["setup"] = self._setup

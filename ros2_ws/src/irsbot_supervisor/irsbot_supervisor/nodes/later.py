@@ -1,4 +1,4 @@
-"""Services with long computations: a worker process computes them, and the executor goes on.
+"""Long computations, of services too: a worker process runs them, and the executor goes on.
 
 rclpy sends the return value of a callback at once, and its EventsExecutor does not await coroutines. So the callback is
 a generator: it yields tasks, receives their results, and returns the response, which is then sent.
@@ -36,6 +36,10 @@ class Later:
 
         service.callback, service.send_response = callback, answer
 
+    def run(self, steps: Steps) -> None:
+        """Run a generator that nobody waits for."""
+        self._go_on(steps, _unheard, partial(next, steps))
+
     def close(self) -> None:
         """End; waiting clients get no answer."""
         self._worker.close()
@@ -65,3 +69,7 @@ class Later:
             send(response if response is not None else service.srv_type.Response(), header)
         except Exception as error:  # a client that is gone, or a service that is
             self._node.get_logger().warning(f"{service.srv_name}: no answer sent: {error}", throttle_duration_sec=1.0)
+
+
+def _unheard(_result: Any) -> None:
+    """Takes what a generator without client returns."""

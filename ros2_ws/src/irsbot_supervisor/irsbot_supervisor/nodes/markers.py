@@ -1,8 +1,10 @@
-"""~/markers for RViz and Foxglove: the platform coloured by level, the governing margin, and the way out."""
+"""~/markers for RViz and Foxglove: the mechanism, the platform coloured by level, the governing margin, the cause, the
+way out, and the loci."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import time
+from collections.abc import Iterable, Sequence
 from math import hypot, isfinite
 from operator import mul, neg
 
@@ -14,19 +16,32 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from irsbot_kinematics import Mechanism, Posture, Robot, statics
-from irsbot_msgs_py.records import Cause, Level, SingularityState, Verdict
+from irsbot_kinematics.skeleton import BASE, Bar, bars
+from irsbot_msgs_py.records import Cause, Level, SingularityState, Verdict, cause_names
+from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.core.supervisor import Supervisor
 from irsbot_supervisor.nodes.endpoints import publisher
 from irsbot_supervisor.nodes.guard import Fail, guarded
+from irsbot_supervisor.nodes.later import Later
+from irsbot_supervisor.nodes.loci import Loci, namespace_of
 
 PERIOD_S = 0.1
 """s between marker messages."""
+
+LOCI_EVERY = 10
+"""Every so many messages one holds the loci instead: they are larger, and change seldom or never."""
 
 LIFETIME_NS = 500_000_000
 """ns: markers of a silent supervisor disappear after this time."""
 
 SIZE = 0.06
 """Diameter of the platform's marker, in lengths of the mechanism; the arrow is five times as long."""
+
+WIDTH = 0.02
+"""Of links, likewise."""
+
+LINK, RAIL = (0.55, 0.6, 0.68), (0.4, 0.4, 0.4)
+"""Red, green, blue of links, and of the base with what stands out from it."""
 
 COLOURS = {
     Level.OK: (0.1, 0.7, 0.2),
@@ -47,11 +62,24 @@ MARGINS = {
 class MarkersPublisher:
     """Keeps the newest state and verdict and draws them while there is a subscriber."""
 
-    def __init__(self, node: LifecycleNode, robot: Robot, supervisor: Supervisor, frame: str, fail: Fail) -> None:
+    def __init__(
+        self,
+        node: LifecycleNode,
+        robot: Robot,
+        settings: Settings,
+        supervisor: Supervisor,
+        later: Later,
+        frame: str,
+        fail: Fail,
+    ) -> None:
+        """later: where the loci are computed. frame: of the base."""
         self.state: SingularityState | None = None
         self.verdict: Verdict | None = None
         self._node, self._mechanism, self._supervisor, self._frame = node, robot.mechanism, supervisor, frame
+        self._skeleton = robot.mechanism.skeleton()
+        self._loci = Loci(node, later, robot, settings.working_mode, frame)
         self._place = (0.0, 0.0, 0.0)
+        self._count = 0  # messages until now
         self._publisher = publisher(node, MarkerArray, "~/markers", 1)
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
         node.create_timer(PERIOD_S, guarded(self._draw, fail), clock=steady)
@@ -60,31 +88,64 @@ class MarkersPublisher:
         state, verdict = self.state, self.verdict
         if state is None or verdict is None or not self._publisher.get_subscription_count():
             return
-        if all(map(isfinite, state.pose)):
+        self._count += 1
+        if self._count % LOCI_EVERY == 0 and self._loci.message:
+            self._publisher.publish(self._loci.message)
+            return
+        if known := all(map(isfinite, (*state.joint_position, *state.pose))):
             self._place = in_space(self._mechanism, state.pose)
-        size = SIZE * self._mechanism.length_m
+            self._loci.want(state.pose, time.monotonic())
+        markers = [self._platform(verdict.level), self._text(state, verdict), self._arrow(verdict)]
+        if known and self._skeleton is not None:
+            drives = dict(zip(self._skeleton.drives, state.joint_position, strict=True))
+            found = bars(self._skeleton, {**drives, **self._skeleton.closing(state.joint_position, state.pose)})
+            markers.append(self._lines(3, LINK, (bar for bar in found if bar.link != BASE)))
+            markers.append(self._lines(4, RAIL, (bar for bar in found if bar.link == BASE)))
+        self._publisher.publish(MarkerArray(markers=markers))
+
+    def _platform(self, level: Level) -> Marker:
+        marker = self._marker(0, Marker.SPHERE, COLOURS[level])
         x, y, z = self._place
-        platform = self._marker(0, Marker.SPHERE, verdict.level)
-        platform.pose.position = Point(x=x, y=y, z=z)
-        platform.scale = Vector3(x=size, y=size, z=size)
-        text = self._marker(1, Marker.TEXT_VIEW_FACING, verdict.level)
-        text.pose.position = Point(x=x, y=y, z=z + 2.0 * size)
-        text.scale = Vector3(z=size)
-        text.text = stated(state, verdict)
-        arrow = self._marker(2, Marker.ARROW, Level.OK)
+        marker.pose.position = Point(x=x, y=y, z=z)
+        marker.scale = Vector3(x=self._size, y=self._size, z=self._size)
+        return marker
+
+    def _text(self, state: SingularityState, verdict: Verdict) -> Marker:
+        marker = self._marker(1, Marker.TEXT_VIEW_FACING, COLOURS[verdict.level])
+        x, y, z = self._place
+        marker.pose.position = Point(x=x, y=y, z=z + 2.0 * self._size)
+        marker.scale = Vector3(z=self._size)
+        marker.text = stated(state, verdict)
+        return marker
+
+    def _arrow(self, verdict: Verdict) -> Marker:
+        marker = self._marker(2, Marker.ARROW, COLOURS[Level.OK])
         view = self._supervisor.view
         way = way_out(self._mechanism, view.at, verdict.escape_direction) if view else ()
         if way:
-            tip = [start + 5.0 * size * part for start, part in zip(self._place, way, strict=True)]
-            arrow.points = [Point(x=x, y=y, z=z), Point(x=tip[0], y=tip[1], z=tip[2])]
-            arrow.scale = Vector3(x=0.2 * size, y=0.4 * size)
+            ends = self._place, [start + 5.0 * self._size * part for start, part in zip(self._place, way, strict=True)]
+            marker.points = [Point(x=x, y=y, z=z) for x, y, z in ends]
+            marker.scale = Vector3(x=0.2 * self._size, y=0.4 * self._size)
         else:
-            arrow.action = Marker.DELETE
-        self._publisher.publish(MarkerArray(markers=[platform, text, arrow]))
+            marker.action = Marker.DELETE
+        return marker
 
-    def _marker(self, number: int, kind: int, level: Level) -> Marker:
-        red, green, blue = COLOURS[level]
-        marker = Marker(ns=self._node.get_fully_qualified_name(), id=number, type=kind)
+    def _lines(self, number: int, colour: tuple[float, float, float], found: Iterable[Bar]) -> Marker:
+        """Links; an empty list would stay what it was, and be a warning in RViz."""
+        marker = self._marker(number, Marker.LINE_LIST, colour)
+        marker.scale = Vector3(x=WIDTH * self._mechanism.length_m)
+        marker.points = [Point(x=x, y=y, z=z) for bar in found for x, y, z in (bar.start, bar.end)]
+        if not marker.points:
+            marker.action = Marker.DELETE
+        return marker
+
+    @property
+    def _size(self) -> float:
+        return SIZE * self._mechanism.length_m
+
+    def _marker(self, number: int, kind: int, colour: tuple[float, float, float]) -> Marker:
+        red, green, blue = colour
+        marker = Marker(ns=namespace_of(self._node), id=number, type=kind)
         marker.header.frame_id = self._frame
         marker.header.stamp = self._node.get_clock().now().to_msg()
         marker.pose.orientation.w = 1.0
@@ -94,11 +155,13 @@ class MarkersPublisher:
 
 
 def stated(state: SingularityState, verdict: Verdict) -> str:
-    """The level, and the governing margin or the reason why it is not known."""
+    """The level with its causes, and the governing margin or the reason why it is not known."""
+    causes = cause_names(verdict.causes)
+    level = f"{verdict.level.name} ({causes})" if causes else verdict.level.name
     margin = MARGINS.get(Cause(state.stop_cause))
     if margin is None or not isfinite(state.stop_margin):
-        return f"{verdict.level.name} {verdict.text}".strip()
-    return f"{verdict.level.name} {margin} {state.stop_margin:.3f}, stop {state.stop_limit:.3f}"
+        return f"{level}\n{verdict.text}".strip()
+    return f"{level}\n{margin} {state.stop_margin:.3f}, stop {state.stop_limit:.3f}"
 
 
 def way_out(mechanism: Mechanism, at: Posture, escape: Sequence[float]) -> tuple[float, ...]:

@@ -17,6 +17,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from trajectory_msgs.msg import JointTrajectory
+from visualization_msgs.msg import MarkerArray
 
 from irsbot_msgs_py.cdr import CdrError, decode_string
 from irsbot_msgs_py.convert import health_msg
@@ -33,7 +34,8 @@ from irsbot_supervisor.nodes.polled_subscriptions import PolledSubscriptions, So
 MIB = 1024 * 1024
 HEALTH_PERIOD_S = 1.0
 
-# Parameter below `topics.`, its default, type, and whether it is offered transient local.
+# Parameter below `topics.`, its default, type, and whether it is offered transient local. A topic without default is
+# recorded on request.
 TOPICS: dict[str, tuple[str, Any, bool]] = {
     "joint_states": ("joint_states", JointState, False),
     "state": ("supervisor/state", SingularityState, False),
@@ -46,6 +48,7 @@ TOPICS: dict[str, tuple[str, Any, bool]] = {
     "velocity_out": ("velocity_out", Float64MultiArray, False),
     "gate": ("supervisor/gate", GateStatus, True),
     "diagnostics": ("/diagnostics", DiagnosticArray, False),
+    "markers": ("", MarkerArray, False),  # drawn for whoever listens: 0.1 MB/s and time of the supervisor
 }
 # Parameter, its default, description and range. All are read at the start alone.
 PARAMETERS: dict[str, tuple[Any, str, tuple[float, float] | None]] = {
@@ -58,7 +61,10 @@ PARAMETERS: dict[str, tuple[Any, str, tuple[float, float] | None]] = {
     "depth": (2000, "messages per topic that the middleware holds for us", (10, 100_000)),
     "reserve_mib": (64, "recording ends before less is free [MiB]", (0, 10**6)),
     "compression": ("", "of the chunks: '' or 'zstd'", None),
-    **{f"topics.{name}": (default, "topic to record", None) for name, (default, _kind, _latched) in TOPICS.items()},
+    **{
+        f"topics.{name}": (default, f"topic to record{'' if default else '; empty: none'}", None)
+        for name, (default, _kind, _latched) in TOPICS.items()
+    },
 }
 VERDICT, JOURNAL = list(TOPICS).index("verdict"), list(TOPICS).index("journal")
 
@@ -79,7 +85,8 @@ class RecorderNode(Node):
         self._stops = StopWatch()
         sources = [
             Source(self.resolve_topic_name(given[f"topics.{name}"]), kind, latched)
-            for name, (_default, kind, latched) in TOPICS.items()
+            for name, (default, kind, latched) in TOPICS.items()
+            if given[f"topics.{name}"] or default
         ]
         target = Path(given["output"] or time.strftime("irsbot_%Y%m%d_%H%M%S"))
         if lack := self._lack_of_space(target):

@@ -112,7 +112,9 @@ class SupervisorNode(LifecycleNode):
         self._diagnostics = DiagnosticsPublisher(
             self, self._supervisor, graph_monitor, self._samples, self._judging, self._callers, self._fail
         )
-        self._markers = MarkersPublisher(self, self._robot, self._supervisor, self._frame, self._fail)
+        self._markers = MarkersPublisher(
+            self, self._robot, settings, self._supervisor, self._later, self._frame, self._fail
+        )
         self._posture = PosturePublisher(self, self._robot, prefix, self._fail)
         self._bond = Bond(self, self._fail)
         self._gate = CommandGate(self, settings, self._robot, self._supervisor, self._fail)

@@ -101,7 +101,9 @@ class Observed:
             times.popleft()
 
     def _rate(self, name: str, now_s: float) -> float:
-        return sum(now_s - time_s <= RATE_S for time_s in self._times[name]) / RATE_S
+        times = self._times[name]
+        old = next((count for count, time_s in enumerate(times) if now_s - time_s <= RATE_S), len(times))
+        return (len(times) - old) / RATE_S
 
 
 def _essence(verdict: Verdict) -> tuple[Any, ...]:

@@ -24,6 +24,7 @@ SUPERVISOR = "irsbot_supervisor.nodes.supervisor"
 JOINTS = "irsbot_supervisor.nodes.simulated_joints"
 RECORDER = "irsbot_supervisor.nodes.recorder"
 LIVE_PAGE = "irsbot_supervisor.live.server"
+FOXGLOVE = "irsbot_supervisor.live.foxglove"
 TOGETHER = "irsbot_supervisor.nodes.suite"
 
 GATED = {"joint_trajectory": "command_out", "joint_velocity": "velocity_out"}

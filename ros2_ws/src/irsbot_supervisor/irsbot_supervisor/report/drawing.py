@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -32,7 +31,7 @@ def view(mechanism: Mechanism, mode: Signs, poses: Array) -> dict[str, Any]:
     names = [one.name for one in mechanism.task]
     places = [AXES.index(name) for name in names if name in AXES]
     known = poses[np.isfinite(poses).all(axis=1)]
-    curves, note = _loci(mechanism, mode, known, places)
+    curves, note = loci(mechanism, mode, known)
     skeleton = mechanism.skeleton()
     links = [asdict(link) for link in skeleton.links] if skeleton else []
     if skeleton is None:
@@ -49,14 +48,15 @@ def view(mechanism: Mechanism, mode: Signs, poses: Array) -> dict[str, Any]:
     }
 
 
-def _loci(
-    mechanism: Mechanism, mode: Signs, known: Array, places: Sequence[int]
-) -> tuple[list[tuple[str, Array]], str]:
-    """Curves (N, 2) by kind, and notes on them."""
+def loci(mechanism: Mechanism, mode: Signs, known: Array) -> tuple[list[tuple[str, Array]], str]:
+    """Curves (N, 2) by kind, first two task coordinates, m, NaN where interrupted; and notes on them.
+
+    known: (N, m) poses; without a closed form the curves are a section of the workspace around them, at the last one.
+    """
     closed_form = mechanism.loci(mode)
     if closed_form is not None:
         return [(curve.kind, curve.points) for curve in closed_form], ""
-    if len(places) != 2:
+    if sum(one.name in AXES for one in mechanism.task) != 2:
         return [], "Loci are drawn for planar robots; those of this one are surfaces."
     if not len(known):
         return [], "No pose is known, so there is no section of the workspace to draw."

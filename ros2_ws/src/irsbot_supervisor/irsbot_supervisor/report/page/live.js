@@ -28,8 +28,10 @@ function hear({ setup, changes, rows, now }) {
   Live.rows.push(...rows);
   while (Live.rows.length && now.t - Live.rows[0][0] > SPAN_S) Live.rows.shift();
   Live.now = now;
+  const hidden = document.hidden;  // a page that nobody sees asks for nothing
+  if (!hidden) ask();
   cancelAnimationFrame(Live.drawing);
-  Live.drawing = requestAnimationFrame(() => { show(); ask(); });
+  Live.drawing = requestAnimationFrame(() => { show(); if (hidden) ask(); });
 }
 
 // Whether what is shown was true a moment ago.

@@ -1,0 +1,151 @@
+"""~/markers of a supervisor over DDS: level, margin, cause, the way out, the mechanism and its loci."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
+
+from cell import GOOD, NEAR, Cell, Wire, going
+from rclpy.serialization import deserialize_message
+from visualization_msgs.msg import Marker, MarkerArray
+
+import irsbot_kinematics as irs
+from irsbot_kinematics.conformance.samples import Machine
+from irsbot_kinematics.mechanism import Status
+from irsbot_msgs_py.records import Level
+from irsbot_supervisor.nodes.later import Steps
+from irsbot_supervisor.nodes.loci import AGAIN_S, FIRST, TURN, Asked, Loci, drawn, segments
+from irsbot_supervisor.processes.worker import Task, WorkerError
+
+pytestmark = pytest.mark.ros
+
+
+@pytest.fixture
+def wire(tmp_path: Path) -> Iterator[Wire]:
+    with Wire(tmp_path / "logs") as wire:
+        yield wire
+
+
+def test_markers_show_level_margin_cause_and_the_way_out(wire: Wire):
+    cell = Cell(wire, base_frame="cell")
+    drawn: list[dict[int, Marker]] = []
+    heard = lambda message: drawn.append({marker.id: marker for marker in message.markers})  # noqa: E731
+    cell.node.create_subscription(MarkerArray, "supervisor/markers", heard, 1)
+    cell.heard_level(Level.OK)
+    wire.until(lambda: drawn and 1 in drawn[-1] and "OK" in drawn[-1][1].text)
+    assert {marker.header.frame_id for marker in drawn[-1].values()} == {"cell"}
+    platform, text, arrow = (drawn[-1][number] for number in range(3))
+    place = platform.pose.position
+    assert (place.x, place.y, place.z) == pytest.approx((0.0, 0.0, -0.85), abs=1e-9)
+    assert platform.color.g > platform.color.r
+    assert "stop 0.040" in text.text  # the constraint margin governs here
+    assert arrow.action == Marker.DELETE
+    cell.say = going(GOOD, NEAR, time.time_ns(), 3.0)
+    wire.until(lambda: 2 in drawn[-1] and drawn[-1][2].action == Marker.ADD)
+    platform, text, arrow = (drawn[-1][number] for number in range(3))
+    assert platform.color.r > platform.color.g
+    level, margin = text.text.splitlines()
+    assert level.startswith("STOP (")
+    assert "LATCHED" in level
+    assert margin.startswith("Type")
+    start, tip = arrow.points
+    assert tip.z - start.z > 0.5 * math.dist((start.x, start.z), (tip.x, tip.z))  # up, away from straight legs
+
+
+def test_markers_show_the_mechanism_and_its_loci(wire: Wire):
+    """The rods end at the platform, and every locus is where the maths of the posture say it is."""
+    cell = Cell(wire)
+    drawn: dict[int, Marker] = {}
+    heard = lambda message: drawn.update({marker.id: marker for marker in message.markers})  # noqa: E731
+    cell.node.create_subscription(MarkerArray, "supervisor/markers", heard, 1)
+    wire.until(lambda: {3, FIRST, FIRST + 1} <= drawn.keys(), "the mechanism and its loci")
+    robot = irs.make_robot("irsbot2")
+    place = drawn[0].pose.position
+    ends = [(point.x, point.y, point.z) for point in drawn[3].points]
+    assert len(ends) % 2 == 0
+    size = robot.mechanism.length_m
+    assert min(math.dist(end, (place.x, place.y, place.z)) for end in ends) < 0.2 * size  # held by its two cranks
+    poses = [(point.x, point.z) for point in drawn[FIRST].points]
+    assert all(point.y == 0.0 for point in drawn[FIRST].points)
+    # A chord of Type 1: on one side of it the pose is reached, on the other not.
+    reached = 0
+    for (x, z), (to_x, to_z) in zip(poses[::2], poses[1::2], strict=True):
+        middle, aside = (0.5 * (x + to_x), 0.5 * (z + to_z)), (z - to_z, to_x - x)
+        sides = [_reaches(robot, (middle[0] + way * aside[0], middle[1] + way * aside[1])) for way in (1.0, -1.0)]
+        reached += sides[0] != sides[1]
+    assert reached > 0.2 * len(poses) / 2  # the other parts belong to one leg alone, beyond reach of the other
+    assert len(drawn[FIRST + 1].points) > 100
+    before = [(point.x, point.z) for point in drawn[3].points]
+    cell.say = going(GOOD, (GOOD[0] + 0.05, GOOD[1]), time.time_ns(), 1.0)
+    wire.until(lambda: [(point.x, point.z) for point in drawn[3].points] != before, "a mechanism that moves")
+
+
+def _reaches(robot: irs.Robot, pose: tuple[float, float]) -> bool:
+    try:
+        robot.inverse(pose, robot.mechanism.usual_working_mode)
+    except irs.Unreachable:
+        return False
+    return True
+
+
+@pytest.mark.parametrize(("name", "numbers"), [("five_bar", [10, 11]), ("rrr3", [10, 11, 12]), ("linear_delta", [])])
+def test_loci_are_those_of_the_plane_and_say_at_which_turn(name: str, numbers: list[int]) -> None:
+    robot = irs.make_robot(name)
+    at = next(at for at in Machine(robot, 20, 11).postures if at.status == Status.SOLVED)
+    message = drawn(Asked(robot, at.working_mode, at.pose, "base", "here"))
+    found = deserialize_message(message, MarkerArray).markers if message else []
+    assert [marker.id for marker in found] == numbers
+    assert all(len(marker.points) > 10 and len(marker.points) % 2 == 0 for marker in found[:2])
+    if name == "rrr3":
+        assert found[2].text == f"loci at phi = {at.pose[2]:.2f} rad"
+
+
+def test_a_thinned_curve_keeps_its_ends_and_its_interruption() -> None:
+    curve = np.column_stack([np.arange(1000.0), np.zeros(1000)])
+    curve[500] = np.nan
+    found = list(segments(curve))
+    assert 200 <= len(found) <= 450
+    joined = [(float(start[0]), float(end[0])) for start, end in found]
+    assert {joined[0][0], joined[-1][1]} == {0.0, 999.0}
+    assert not any(start < 500.0 < end for start, end in joined)
+
+
+class Worked:
+    """In place of a worker process: keeps what is asked, and answers when it is told to."""
+
+    def __init__(self) -> None:
+        self.asked: list[Steps] = []
+
+    def run(self, steps: Steps) -> None:
+        assert isinstance(next(steps), Task)
+        self.asked.append(steps)
+
+
+def test_a_section_is_found_again_where_the_platform_has_turned_but_seldom() -> None:
+    robot, worked, logged = irs.make_robot("rrr3"), Worked(), []
+    logger: Any = SimpleNamespace(warning=logged.append)
+    node: Any = SimpleNamespace(get_fully_qualified_name=lambda: "/supervisor", get_logger=lambda: logger)
+    later: Any = worked
+    loci = Loci(node, later, robot, robot.mechanism.usual_working_mode, "base")
+    loci.want((0.0, 0.0, 0.0), 0.0)
+    loci.want((0.3, 0.1, 0.5 * TURN), 100.0)  # moved, hardly turned
+    loci.want((0.0, 0.0, 2.0 * TURN), 0.5 * AGAIN_S)  # turned, a moment ago
+    assert len(worked.asked) == 1
+    with pytest.raises(StopIteration):
+        worked.asked[0].send(b"found")
+    assert loci.message == b"found"
+    loci.want((0.0, 0.0, 2.0 * TURN), 2.0 * AGAIN_S)
+    assert len(worked.asked) == 2
+    with pytest.raises(StopIteration):
+        worked.asked[1].throw(WorkerError("no memory"))  # no verdict depends on it
+    assert loci.message == b"found"
+    assert "no memory" in logged[0]
