@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from irsbot_msgs_py.cdr import CdrError
 from irsbot_supervisor.bag.joint_columns import SHORTEST, ColumnDecoder, JointColumns, Times
-from irsbot_supervisor.bag.mcap_reader import McapReader, Message, Place
+from irsbot_supervisor.bag.mcap_reader import McapReader, Place
+from irsbot_supervisor.bag.message import Message
 
 Decoded = TypeVar("Decoded")
 

@@ -79,9 +79,9 @@ def joined(parts: Sequence[JointColumns]) -> JointColumns:
 def columns_of(samples: Sequence[JointSample]) -> JointColumns:
     """Samples of one kind as columns; at least one."""
     stamp, received, seen, _names, position, velocity, effort = zip(*samples, strict=True)
-    times = (np.array(column, np.int64) for column in (stamp, received, seen))
-    values = (np.array(column, float).reshape(len(samples), -1) for column in (position, velocity, effort))
-    return JointColumns(samples[0].names, *times, *values)
+    columns: list[NDArray[Any]] = [np.array(column, np.int64) for column in (stamp, received, seen)]
+    columns += [np.array(column, float).reshape(len(samples), -1) for column in (position, velocity, effort)]
+    return JointColumns(samples[0].names, *columns)
 
 
 class JointSamples(Sequence[JointSample]):

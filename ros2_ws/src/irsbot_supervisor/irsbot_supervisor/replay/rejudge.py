@@ -407,7 +407,7 @@ def _begin(session: SupervisorSession, first: Configuration) -> Tick:
     return Tick(first.received_ns, first.seen_ns)
 
 
-def _with_ticks(samples: Sequence[JointSample], others: list[Input], end_ns: int) -> Iterator[Input | JointColumns]:
+def _with_ticks(samples: Sequence[JointSample], others: Sequence[Input], end_ns: int) -> Iterator[Input | JointColumns]:
     """In order of time, with a tick at the end so that a silence there is noticed."""
     kept = samples if isinstance(samples, JointSamples) else JointSamples(samples)
     others = sorted(others, key=lambda event: event.seen_ns)

@@ -20,6 +20,7 @@ from irsbot_supervisor.configuration.feasibility import settings_from
 from irsbot_supervisor.core.events import Configure, Event
 from irsbot_supervisor.core.margins import MARGIN_NAMES, margins_of
 from irsbot_supervisor.core.settings import InvalidSettings
+from irsbot_supervisor.core.stop_monitor import MeasuredStop
 from irsbot_supervisor.core.supervisor import Supervisor
 from irsbot_supervisor.replay.quiet.strides import QuietRows, Strides
 
@@ -91,7 +92,7 @@ class Stepper:
         judged.settings.append((first.seen_ns + ahead_ns, self.supervisor.settings))
         self._part, self._slow = len(judged.parts), judged.settings[0][1].standstill_speed
         judged.parts.append([])
-        self._stop = None
+        self._stop: MeasuredStop | None = None
         self._level = Level.UNKNOWN
         self._halted = False  # True from the end of work until the joints stand: its path is measured
         self._strides: Strides | None = None

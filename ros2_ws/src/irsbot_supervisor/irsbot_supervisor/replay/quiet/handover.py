@@ -22,7 +22,7 @@ from irsbot_supervisor.core.margins import margins_of
 from irsbot_supervisor.core.report import Moment
 from irsbot_supervisor.core.supervisor import FOREVER, Supervisor
 from irsbot_supervisor.core.validation import Accepted
-from irsbot_supervisor.replay.quiet.motion import History, Longest, Motion
+from irsbot_supervisor.replay.quiet.motion import History, Longest, Mask, Motion
 
 
 def is_quiet(supervisor: Supervisor) -> bool:
@@ -112,13 +112,13 @@ def hand_over(supervisor: Supervisor, block: JointColumns, motion: Motion, begin
     kept = range(int(motion.observed[row]), at + 1)
     estimator._observer._kept = deque((int(stamps[k]), tuple(positions[k].tolist())) for k in kept)
     estimator._observer._speeds = last.speeds
-    reported = deque()
+    reported: deque[Accepted] = deque()
     for k in range(int(motion.reported[row]), at + 1):
         place = k - at + row
-        times = (int(one[place]) for one in (block.received_ns, block.seen_ns)) if place >= 0 else (0, 0)
+        received_ns, seen_ns = (int(block.received_ns[place]), int(block.seen_ns[place])) if place >= 0 else (0, 0)
         effort = tuple(block.effort[place].tolist()) if place >= 0 else ()
-        rows = tuple(positions[k].tolist()), tuple(motion.velocities[k].tolist())
-        reported.append(Accepted(int(stamps[k]), *times, *rows, effort))
+        position, velocity = tuple(positions[k].tolist()), tuple(motion.velocities[k].tolist())
+        reported.append(Accepted(int(stamps[k]), received_ns, seen_ns, position, velocity, effort))
     estimator._reported._kept = reported
     intervals = estimator._intervals
     intervals._sent_s = float(motion.sent_s[row])
@@ -178,7 +178,7 @@ def _stand(estimator: Estimator, block: JointColumns) -> None:
             _rest_at(estimator, block, at - 1, moves=True)
 
 
-def _within(positions: Values, rest: Values, most: Values) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def _within(positions: Values, rest: Values, most: Values) -> Mask:
     moved = positions - rest
     return np.asarray(((-most <= moved) & (moved <= most)).all(1))
 

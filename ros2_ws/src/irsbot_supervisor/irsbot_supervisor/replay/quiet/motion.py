@@ -277,7 +277,7 @@ def _second_largest(seen: Times, values: Values, span_ns: float, state: Longest)
         earlier = np.concatenate([[a], most[:-1]])
         largest[rows, 0], largest[rows, 2], largest[rows, 3], since[rows] = most, c, d, since_ns
         largest[rows, 1] = np.maximum(np.maximum.accumulate(np.minimum(part, earlier)), b)
-        a, b, at = *largest[end - 1, :2].tolist(), end
+        (a, b), at = largest[end - 1, :2].tolist(), end
     a_s, b_s, c_s, d_s = largest.T
     return np.where(a_s >= c_s, np.maximum(b_s, c_s), np.maximum(a_s, d_s)), since, largest
 

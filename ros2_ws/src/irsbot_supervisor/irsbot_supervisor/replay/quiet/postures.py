@@ -62,11 +62,11 @@ def postures(
             clear &= sign * sine > SIGN_DEAD_BAND + GUARD
         for error in legs.closure:
             clear &= np.abs(error) <= 0.5 * CLOSURE_TOL_M
-        margins = np.full((len(joints), 4), np.inf)
+        margins: Values = np.full((len(joints), 4), np.inf)
         margins[:, 0] = np.min([np.abs(sine) for sine in legs.normalised_levers], axis=0)
         margins[:, 1] = np.min(cosines, axis=0)
         if legs.constraint is not None:
             margins[:, 2] = legs.constraint
         if legs.limb:
             margins[:, 3] = np.min(legs.limb, axis=0)
-    return PostureColumns(clear, clearances, np.stack(pose, axis=1), margins, legs, cosines)
+    return PostureColumns(clear, clearances.astype(float), np.stack(pose, axis=1).astype(float), margins, legs, cosines)

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from irsbot_msgs_py.records import JointSample
-from irsbot_supervisor.bag.joint_columns import JointColumns, Values
+from irsbot_supervisor.bag.joint_columns import JointColumns, Times, Values
 from irsbot_supervisor.core.margins import Margins
 from irsbot_supervisor.core.settings import UNTRUSTED
 from irsbot_supervisor.core.stopping import StoppingPredictor, limits_of, release_of
@@ -89,11 +89,11 @@ class Strides:
         at = 0
         while at < len(columns):
             before = history(self._supervisor, columns.names) if fits and self._may_stride() else None
-            if before is None:
+            size = 0 if before is None else _ascending(columns.stamp_ns[at : at + self._size], before)
+            if before is None or size == 0:
                 self._one(columns.sample(at))
                 at += 1
                 continue
-            size = min(self._size, len(columns) - at)
             done = self._block(columns[at : at + size], before)
             self._size = min(2 * self._size, BLOCK) if done == size else max(self._size // 4, LEAST_BLOCK)
             at += done
@@ -106,7 +106,8 @@ class Strides:
             columns.stamp_ns,
             columns.received_ns,
             columns.seen_ns,
-            *(selected(column, order) for column in (columns.position, columns.velocity)),
+            selected(columns.position, order),
+            selected(columns.velocity, order),
             selected(columns.effort, order) if columns.effort.shape[1] else columns.effort,
         )
         assessor = supervisor._assessor
@@ -118,7 +119,7 @@ class Strides:
             quiet = motion.regular & found.clear & (np.abs(spare) > GUARD)
         row, ends = 0, np.append(np.flatnonzero(~quiet), len(quiet))
         while row < len(quiet):
-            if quiet[row] and self._may_stride():
+            if quiet[row] and self._may_stride() and is_quiet(supervisor):
                 end = int(ends[np.searchsorted(ends, row)])
                 end = self._proved_until(motion, certified, spare > 0.0, row, end)
                 if end > row:
@@ -129,7 +130,7 @@ class Strides:
                     continue
             self._one(columns.sample(row))
             row += 1
-            if not (is_quiet(supervisor) and agrees(supervisor, motion, row - 1)):
+            if not agrees(supervisor, motion, row - 1):
                 break
         return row
 
@@ -167,6 +168,12 @@ class Strides:
         if served:
             certified[rows[: len(served)]] = served
         return end
+
+
+def _ascending(stamps: Times, before: History) -> int:
+    """Number of samples whose stamps are newer than all before: rows are searched by stamp."""
+    back = np.diff(stamps, prepend=before.stamp_ns[-1]) <= 0
+    return int(back.argmax()) if back.any() else len(stamps)
 
 
 class _Served:
