@@ -105,6 +105,12 @@ class JointSamples(Sequence[JointSample]):
             self._add(columns)
 
     @property
+    def names(self) -> set[tuple[str, ...]]:
+        """All sets of names in the messages."""
+        each = ({part.names} if isinstance(part, JointColumns) else {one.names for one in part} for part in self._parts)
+        return set().union(*each)
+
+    @property
     def last_ns(self) -> int:
         """Latest time of arrival, steady clock."""
         return max(

@@ -329,7 +329,8 @@ def _assumed(recording: Recording, assumption: Assumption | None) -> Configurati
 
 def _need_joints(recording: Recording, joints: Sequence[str]) -> None:
     """Raises BagError if no message names all joints: then no sample could be judged."""
-    sets = {sample.names for sample in recording.samples}
+    samples = recording.samples
+    sets = samples.names if isinstance(samples, JointSamples) else {sample.names for sample in samples}
     if not any(set(joints) <= set(names) for names in sets):
         known = "; ".join(sorted(", ".join(names) or "no names" for names in sets))
         fault = f"no message names all joints of the robot, {', '.join(joints)}; there are {known}"
