@@ -7,12 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fake_failing_mechanism import fake_robot_of
 
 from irsbot_kinematics import make_robot
 from irsbot_kinematics.numerics.arithmetic import ARRAYS
 from irsbot_msgs_py.records import JointSample, Level
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.bag.joint_columns import JointSamples
+from irsbot_supervisor.configuration.loading import read_settings
 from irsbot_supervisor.core.supervisor import Supervisor
 from irsbot_supervisor.replay import judgement
 from irsbot_supervisor.replay.judgement import story_of
@@ -192,6 +194,13 @@ def test_first_bounds_of_many_postures_are_those_of_each() -> None:
 def test_a_robot_without_column_form_is_judged_by_the_supervisor_alone() -> None:
     samples = recorded("orthoglide", 300)[2]
     assert quiet_and_same(recording_of(samples), Assumption("orthoglide")) == 0
+
+
+def test_a_mechanism_of_yours_is_judged_by_the_supervisor_alone() -> None:
+    # It inherits the columns of the shipped one, but they need not be its own postures.
+    supervisor = Supervisor(read_settings("irsbot2")[0], fake_robot_of("irsbot2"))
+    assert not strides.suits(supervisor)
+    assert strides.suits(Supervisor(*read_settings("irsbot2")))
 
 
 def test_a_run_of_warnings_is_not_taken_for_quiet(work: dict[str, list[JointSample]]) -> None:

@@ -20,6 +20,7 @@ from operator import ge, le, sub
 import numpy as np
 from numpy.typing import NDArray
 
+from irsbot_kinematics import Mechanism
 from irsbot_msgs_py.records import JointSample
 from irsbot_supervisor.bag.joint_columns import JointColumns, Times, Values
 from irsbot_supervisor.core.margins import Margins
@@ -29,6 +30,9 @@ from irsbot_supervisor.core.supervisor import Supervisor
 from irsbot_supervisor.replay.quiet.handover import agrees, hand_over, history, is_quiet
 from irsbot_supervisor.replay.quiet.motion import History, Motion, MotionColumns, selected
 from irsbot_supervisor.replay.quiet.postures import GUARD, PostureColumns, postures
+
+SHIPPED = "irsbot_kinematics.mechanisms."
+"""Begin of the names of modules with shipped mechanisms."""
 
 LEAST_BLOCK, BLOCK = 256, 16384
 """Samples that are computed together: few after a surprise, then twice as many each time."""
@@ -49,15 +53,11 @@ class QuietRows:
 def suits(supervisor: Supervisor) -> bool:
     """True if samples of this robot can be judged as columns under its settings."""
     settings, mechanism = supervisor.settings, supervisor.robot.mechanism
-    form = type(mechanism).certified_bounds_many is not _no_form()
+    # Only of a shipped class is it known that its columns are its postures: a class of yours may change one of them.
+    form = type(mechanism).__module__.startswith(SHIPPED)
+    form &= type(mechanism).certified_bounds_many is not Mechanism.certified_bounds_many
     plain = min(settings.velocity_tolerance) >= UNTRUSTED and settings.reaction_check == "none"
     return form and plain and settings.slack_m == 0.0 and mechanism.label_is_invariant
-
-
-def _no_form() -> object:
-    from irsbot_kinematics import Mechanism
-
-    return Mechanism.certified_bounds_many
 
 
 class Strides:
