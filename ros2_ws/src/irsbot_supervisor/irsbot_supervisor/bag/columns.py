@@ -129,8 +129,10 @@ def _from_bag(path: Path, names: list[str], wanted: str | None) -> tuple[Array, 
                 samples[entry.topic].extend([entry.record])
     rows, times = [], []
     others: set[str] = set()
-    for part in samples[choose_joint_topic(path, samples, wanted)].parts:
-        for columns in [part] if isinstance(part, JointColumns) else map(columns_of, zip(part)):
+    chosen = samples[choose_joint_topic(path, samples, wanted)]
+    chosen.compact()
+    for part in chosen.parts:
+        for columns in [part] if isinstance(part, JointColumns) else [columns_of([one]) for one in part]:
             if columns.position.shape[1] != len(columns.names) or not set(names) <= set(columns.names):
                 others.update(columns.names)
                 continue
