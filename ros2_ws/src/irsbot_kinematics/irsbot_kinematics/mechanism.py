@@ -173,6 +173,21 @@ class CertifiedBounds(NamedTuple):
     limb: Floats
 
 
+class CertifiedColumns(NamedTuple):
+    """`CertifiedBounds` of many postures.
+
+    type1: (N,) of every leg.
+    type2: (N,) of all legs.
+    constraint: (N,), None where there is none.
+    limb: (N,) of every limb of its own.
+    """
+
+    type1: tuple[Array, ...]
+    type2: Array
+    constraint: Array | None
+    limb: tuple[Array, ...]
+
+
 class Locus(NamedTuple):
     """A curve of poses at which one working mode is singular.
 
@@ -249,6 +264,16 @@ class Mechanism(ABC):
         The bounds are proved, not sampled; they are 0 where nothing can be said, as of a travel or slack that is
         negative or NaN. `at` must be SOLVED.
         """
+
+    def certified_bounds_many(
+        self, legs: Legs[Array], gaps: Sequence[Array], travel: Sequence[Array], slack_m: float = 0.0
+    ) -> CertifiedColumns | None:
+        """`certified_bounds` of many solved postures at once, in columns (N,), up to rounding.
+
+        legs, gaps: as `legs` and `direct` give them. travel: (N,) rad or m per joint. Returns None where the mechanism
+        has no such form; 0 in the rows of which nothing can be said.
+        """
+        return None
 
     def sharp_bounds(self, at: Posture, travel: Sequence[float], slack_m: float = 0.0) -> CertifiedBounds:
         """Second-order bounds over the same box, with the same guarantee: tighter in small boxes. Neither is always the

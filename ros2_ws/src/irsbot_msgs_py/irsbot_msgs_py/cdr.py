@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator
 from functools import lru_cache
 from operator import itemgetter
 from struct import Struct, error, unpack_from
-from typing import Any
+from typing import Any, NamedTuple
 
 from irsbot_msgs_py.records import Cause, Finding, JointSample, Level, SingularityState, Verdict
 from irsbot_msgs_py.stamps import nanoseconds, sec_nanosec
@@ -107,6 +107,8 @@ class _Walk:
         self.slots: list[int | slice] = []  # of each field in flat; text n has slot -1 - n
         if self.flat[0] != _ENCAPSULATION:
             raise CdrError(f"encapsulation {self.flat[0].hex(' ')}: expected 00 01 00 00, little-endian XCDR1")
+        self.fixed = [slice(0, _ORIGIN)]  # bytes of the encapsulation, lengths and texts
+        self.numbers: list[tuple[str, int, int]] = []  # code, first byte and count of the other fields
         self.absent: tuple[Any, ...] = ()
         """Values of the last fields, for a message of an earlier version without them."""
         begin = len(kinds) - sum(map(len, added))
@@ -131,9 +133,15 @@ class _Walk:
             elif kind == "s*":
                 self._keep(tuple(self._text() for _ in range(self._length())))
             elif kind in _SEQUENCES:
-                self.slots.append(self._take(_SEQUENCES[kind], self._length()))
+                self.slots.append(self._number(_SEQUENCES[kind], self._length()))
             else:
-                self.slots.append(self._take(kind).start)
+                self.slots.append(self._number(kind).start)
+
+    def _number(self, code: str, count: int = 1) -> slice:
+        """Read the numbers of a field."""
+        place = self._take(code, count)
+        self.numbers.append((code, self.format.end - count * _SIZE[code], count))
+        return place
 
     def _take(self, code: str, count: int = 1) -> slice:
         """Read `count` numbers; returns their place in flat."""
@@ -147,6 +155,7 @@ class _Walk:
     def _length(self) -> int:
         place = self._take("I").start
         self.shared.append(place)
+        self.fixed.append(slice(self.format.end - _SIZE["I"], self.format.end))
         count: int = self.flat[place]
         return count
 
@@ -156,6 +165,7 @@ class _Walk:
         if self.format.end > len(self.data) or raw.find(0) != len(raw) - 1:
             raise CdrError(f"the text at byte {start} does not end where its length says")
         self.shared.append(len(self.flat))
+        self.fixed.append(slice(start, self.format.end))
         self.flat.append(raw)
         return raw[:-1].decode(errors="replace")  # as rclpy does
 
@@ -278,6 +288,28 @@ def decode_joint_state(data: Bytes, received_ns: int, seen_ns: int) -> JointSamp
     """A sensor_msgs/JointState that arrived at `received_ns` (ROS clock), `seen_ns` (steady clock)."""
     sec, nanosec, names, position, velocity, effort = _joint_state.decode(data)
     return JointSample(nanoseconds(sec, nanosec), received_ns, seen_ns, names, position, velocity, effort)
+
+
+class JointStateLayout(NamedTuple):
+    """Places of the numbers in all JointState messages that have the lengths and texts of one message, in bytes."""
+
+    names: tuple[str, ...]
+    fixed: tuple[slice, ...]  # bytes that all these messages have in common
+    seconds: int
+    nanoseconds: int
+    position: slice
+    velocity: slice
+    effort: slice
+
+
+def joint_state_layout(data: Bytes) -> JointStateLayout:
+    """The layout of a sensor_msgs/JointState. Raises CdrError."""
+    walk = _Walk(data, JOINT_STATE)
+    names = walk.texts[0]
+    assert isinstance(names, tuple)
+    (_, sec, _), (_, nanosec, _), *arrays = walk.numbers
+    position, velocity, effort = (slice(start, start + count * _SIZE[code]) for code, start, count in arrays)
+    return JointStateLayout(names, tuple(walk.fixed), sec, nanosec, position, velocity, effort)
 
 
 def encode_joint_state(sample: JointSample) -> bytes:

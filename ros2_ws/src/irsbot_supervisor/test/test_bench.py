@@ -120,6 +120,16 @@ def test_the_default_robot_and_the_slowest_other_one_are_judged() -> None:
 # --- the command --------------------------------------------------------------------------------------------------
 
 
+def test_a_run_is_judged_offline_and_one_by_one() -> None:
+    facts = facts_of("--only", "offline")
+    found = facts["offline"]
+    assert (found["robot"], found["samples"]) == ("irsbot2", 1000)
+    hour, ratio = (row["measured"] for row in facts["goals"])
+    assert {row["goal"] for row in facts["goals"]} == {"P6"}
+    assert hour == pytest.approx(found["columns_s"] * 3600.0)
+    assert ratio == pytest.approx(found["columns_s"] / found["one_by_one_s"])
+
+
 def test_parts_without_processes_give_every_robot_the_batch_and_their_goals() -> None:
     facts = facts_of("--only", "one-sample", "--only", "batch")
     assert [result["robot"] for result in facts["one_sample"]] == list(scenario_robots("pick_and_place"))

@@ -14,7 +14,7 @@ from command import irsbot
 from fake_failing_mechanism import fake_robot_of
 from typer.testing import CliRunner
 
-import irsbot_supervisor.replay.rejudge
+import irsbot_supervisor.replay.stepping
 from irsbot_msgs_py.records import Cause, JointSample, Level, SingularityState, Tick, Verdict
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.bag.bag import Bag, BagWriter
@@ -91,7 +91,7 @@ def test_an_error_inside_is_judged_unknown_as_in_the_node_and_the_replay_goes_on
     before_the_faults = sorted(sample.position[0] for sample in recording.samples[:130])
     monkeypatch.setattr(fake_failing_mechanism, "FAILS_ABOVE", before_the_faults[80])
     monkeypatch.setattr(
-        irsbot_supervisor.replay.rejudge, "robot_from_record", lambda record, _files: fake_robot_of(record["name"])
+        irsbot_supervisor.replay.stepping, "robot_from_record", lambda record, _files: fake_robot_of(record["name"])
     )
     judged = judge_again(recording)
     assert len(judged.levels) == len(right.levels)

@@ -7,8 +7,11 @@ the spatial legs add the constraint margin.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import asin, atan2, cos, hypot, inf, pi, sin, sqrt
 from typing import ClassVar
+
+import numpy as np
 
 from irsbot_kinematics.bounds.boxes import least_singular
 from irsbot_kinematics.mechanism import Floats, Posture, Signs
@@ -16,7 +19,7 @@ from irsbot_kinematics.mechanisms.irsbot2_space.geometry import Irsbot2Geometry
 from irsbot_kinematics.mechanisms.irsbot2_space.singular_postures import reachability, singular_postures
 from irsbot_kinematics.mechanisms.planar_loop import Loop
 from irsbot_kinematics.mechanisms.planar_pair import PlanarPair
-from irsbot_kinematics.numerics.arithmetic import Arithmetic, N
+from irsbot_kinematics.numerics.arithmetic import Arithmetic, Array, N
 from irsbot_kinematics.skeleton import BASE, Cut, Link, Rod, Skeleton, Vector, Y, added
 
 _SMALLEST = 1e-300
@@ -72,6 +75,11 @@ class Irsbot2(PlanarPair):
         left_y, left_xz = parts[0] - self._slope_y * turn_rad, parts[1] - self._slope_xz * turn_rad
         left = left_y if left_y < left_xz else left_xz
         return left if left > 0.0 else 0.0
+
+    def constraint_bound_many(self, parts: Sequence[Array], turn_rad: Array) -> Array:
+        """The equation of `constraint_bound`."""
+        left = np.minimum(parts[0] - self._slope_y * turn_rad, parts[1] - self._slope_xz * turn_rad)
+        return np.where(left > 0.0, left, 0.0)
 
     def constraint_over(
         self, at: Posture, turns: tuple[tuple[float, float], tuple[float, float]], rests: tuple[float, float]

@@ -11,9 +11,12 @@ from abc import abstractmethod
 from collections.abc import Sequence
 from math import acos, asin, atan2, cos, hypot, inf, nan, sin, sqrt
 
+import numpy as np
+
 from irsbot_kinematics.bounds.displacement import EXACT, Errors, lowered
 from irsbot_kinematics.mechanism import (
     CertifiedBounds,
+    CertifiedColumns,
     Coordinate,
     Cuspidal,
     Floats,
@@ -26,7 +29,7 @@ from irsbot_kinematics.mechanism import (
     sign_of,
 )
 from irsbot_kinematics.mechanisms.planar_loop import Arc, Loop, coincident_arcs, loci
-from irsbot_kinematics.numerics.arithmetic import FLOATS, Arithmetic, N
+from irsbot_kinematics.numerics.arithmetic import FLOATS, Arithmetic, Array, N
 from irsbot_kinematics.numerics.tolerances import COINCIDENT_TOL_M, FARTHEST
 
 SOLVED = Status.SOLVED
@@ -233,6 +236,35 @@ class PlanarPair(Mechanism):
         type1 = [_sine_in(r - apart, r + apart, middle, span) for r in parts[-2:]]
         constraint = self.constraint_bound(parts, (2.0 * apart + path) / l2)  # turn of both rods together
         return CertifiedBounds(_capped(type1, at.normalised_levers), type2, constraint, ())
+
+    def certified_bounds_many(
+        self, legs: Legs[Array], gaps: Sequence[Array], travel: Sequence[Array], slack_m: float = 0.0
+    ) -> CertifiedColumns | None:
+        """The equations of `certified_bounds`, of an exact geometry."""
+        if slack_m:
+            return None
+        _b0, _e, l1, l2 = self.loop
+        path, full = l1 * (travel[0] + travel[1]), 2.0 * l2
+        low, high = gaps[1] - path, gaps[1] + path
+        proved = (low > 0.0) & (high < full) & (travel[0] >= 0.0) & (travel[1] >= 0.0)
+        low, high = np.where(proved, low, 0.0), np.where(proved, high, 0.0)
+        low, high = low * np.sqrt((full - low) * (full + low)), high * np.sqrt((full - high) * (full + high))
+        type2 = np.minimum(low, high) / (full * l2)
+        apart = np.divide(path, type2, out=np.full_like(path, inf), where=type2 > 0.0)
+        middle, span = self._squares
+        type1 = []
+        for r, sine in zip(legs.parts[-2:], legs.normalised_levers, strict=True):
+            near, far = r - apart, r + apart
+            worst = np.maximum(middle - near * near, far * far - middle)
+            inside = (near > 0.0) & (worst < span)
+            worst = np.where(inside, worst, span)
+            type1.append(np.minimum(np.sqrt((span - worst) * (span + worst)) / span, np.abs(sine)))
+        constraint = self.constraint_bound_many(legs.parts[:-2], (2.0 * apart + path) / l2)
+        return CertifiedColumns(tuple(type1), type2, constraint, ())
+
+    def constraint_bound_many(self, parts: Sequence[Array], turn_rad: Array) -> Array | None:
+        """`constraint_bound` of many postures; None if there is no constraint margin."""
+        return None
 
     def _bounds_of_inexact(self, at: Posture, travel: Sequence[float], slack_m: float) -> CertifiedBounds:
         """The same for a geometry that is off. Its errors are further paths of the elbows; a rod that grows moves the

@@ -16,9 +16,11 @@ import zstandard
 
 from irsbot_msgs_py import cdr
 from irsbot_msgs_py.records import JointSample, SingularityState, Verdict
+from irsbot_supervisor.bag.column_reader import Columns, columns_in
 from irsbot_supervisor.bag.foreign import SUFFIXES, ForeignReader
-from irsbot_supervisor.bag.mcap_reader import Loss, McapReader, Message
+from irsbot_supervisor.bag.mcap_reader import Loss, McapReader
 from irsbot_supervisor.bag.mcap_writer import BagError, McapWriter
+from irsbot_supervisor.bag.message import Message
 from irsbot_supervisor.bag.message_definitions import definition, type_hash
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
@@ -200,12 +202,17 @@ class Bag:
         that is not of its type.
         """
         for message in self.messages(topic):
-            decode = _READ.get(message.type)
-            if decode is not None:
-                try:
-                    yield Entry(message.topic, message.log_ns, decode(message))
-                except cdr.CdrError as error:
-                    raise BagError(f"{message.topic} at {message.log_ns} ns: {error}") from None
+            if message.type in _READ:
+                yield _entry(message)
+
+    def columns(self) -> Iterator[Entry | Columns]:
+        """The same records of all topics, joint states as columns where many of one layout follow one another. Only the
+        records of one topic keep their order."""
+        for reader in self.readers:
+            if isinstance(reader, McapReader):
+                yield from columns_in(reader, _entry, _READ, JOINT_STATE)
+            else:
+                yield from (_entry(message) for message in reader.messages() if message.type in _READ)
 
     def topics(self) -> list[Topic]:
         """Topics with their definitions; for an unfinished file, the topics of the part that has been read."""
@@ -216,6 +223,14 @@ class Bag:
         """The last configuration of the supervisor, if the bag holds one."""
         texts = [kept.data for reader in self.readers for kept in reader.attachments if kept.name == CONFIGURATION]
         return yaml.safe_load(texts[-1]) if texts else None
+
+
+def _entry(message: Message) -> Entry:
+    """The record of a message of a known type. Raises BagError."""
+    try:
+        return Entry(message.topic, message.log_ns, _READ[message.type](message))
+    except cdr.CdrError as error:
+        raise BagError(f"{message.topic} at {message.log_ns} ns: {error}") from None
 
 
 def topic_of(reader: Reader, channel: int) -> Topic:

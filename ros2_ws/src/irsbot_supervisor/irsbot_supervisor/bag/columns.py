@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,8 @@ from irsbot_kinematics import BadInput
 from irsbot_kinematics.numerics.arithmetic import Array
 from irsbot_msgs_py.records import JointSample
 from irsbot_supervisor.bag.bag import Bag, choose_joint_topic, is_bag
+from irsbot_supervisor.bag.column_reader import Columns
+from irsbot_supervisor.bag.joint_columns import JointColumns, JointSamples, columns_of
 
 LARGEST = 1e10
 """rad, m, s and similar: a larger number is an error of units; seconds since the epoch are far below it."""
@@ -117,19 +120,24 @@ def write_columns(path: Path, columns: dict[str, Any]) -> None:
 
 
 def _from_bag(path: Path, names: list[str], wanted: str | None) -> tuple[Array, Array]:
-    samples: dict[str, list[JointSample]] = {}
+    samples: dict[str, JointSamples] = defaultdict(JointSamples)
     with Bag(path) as opened:
-        for entry in opened.records():
-            if isinstance(entry.record, JointSample):
-                samples.setdefault(entry.topic, []).append(entry.record)
+        for entry in opened.columns():
+            if isinstance(entry, Columns):
+                samples[entry.topic].append(entry.joints)
+            elif isinstance(entry.record, JointSample):
+                samples[entry.topic].extend([entry.record])
     rows, times = [], []
     others: set[str] = set()
-    for sample in samples[choose_joint_topic(path, samples, wanted)]:
-        if len(sample.position) != len(sample.names) or not set(names) <= set(sample.names):
-            others.update(sample.names)
-            continue
-        rows.append([sample.position[sample.names.index(name)] for name in names])
-        times.append(sample.stamp_ns * 1e-9)
+    chosen = samples[choose_joint_topic(path, samples, wanted)]
+    chosen.compact()
+    for part in chosen.parts:
+        for columns in [part] if isinstance(part, JointColumns) else [columns_of([one]) for one in part]:
+            if columns.position.shape[1] != len(columns.names) or not set(names) <= set(columns.names):
+                others.update(columns.names)
+                continue
+            rows.append(columns.position[:, [columns.names.index(name) for name in names]])
+            times.append(columns.stamp_ns * 1e-9)
     if not rows:
         raise BadInput(f"{path}: no joint states with {', '.join(names)}; it has {', '.join(sorted(others)) or 'none'}")
-    return np.array(rows), np.array(times)
+    return np.concatenate(rows), np.concatenate(times)

@@ -13,8 +13,9 @@ from typing import Any
 
 from mcap.records import Attachment, Channel, Metadata, Schema
 
-from irsbot_supervisor.bag.mcap_reader import Loss, Message
+from irsbot_supervisor.bag.mcap_reader import Loss
 from irsbot_supervisor.bag.mcap_writer import BagError
+from irsbot_supervisor.bag.message import Message
 
 SUFFIXES = (".db3", ".bag")
 """Suffixes of files that only the library reads; it also reads folders with a metadata.yaml."""

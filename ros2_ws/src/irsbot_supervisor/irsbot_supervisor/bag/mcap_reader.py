@@ -26,6 +26,8 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata, Schema, Statistics
 
 from irsbot_supervisor.bag.mcap_writer import MAGIC, BagError
+from irsbot_supervisor.bag.message import Message
+from irsbot_supervisor.bag.uniform_block import UniformBlock, uniform
 
 MAX_CHUNK_BYTES = 1 << 30  # a larger size comes from damage, not from a recorder
 
@@ -47,17 +49,6 @@ class _Piece(NamedTuple):
     at: int
     size: int
     whole: bool = True
-
-
-class Message(NamedTuple):
-    """One message as it was recorded."""
-
-    topic: str
-    type: str
-    log_ns: int
-    publish_ns: int
-    sequence: int
-    data: bytes
 
 
 Place = tuple[int, int, int, int, int, int]
@@ -215,6 +206,22 @@ class McapReader:
             found.append((channel, sequence, log_ns, publish_ns, start, at))
         tally.messages += len(found)
         tally.last.update((channel, (sequence, self.loss.places)) for channel, sequence in latest.items())
+        return found
+
+    def scan_uniform(self, block: bytes) -> UniformBlock | None:
+        """The same for a block whose messages all belong to one known channel and have one size; else None."""
+        at = 0
+        while at < len(block) and block[at] != Opcode.MESSAGE:
+            opcode, length = _PREFIX.unpack_from(block, at)
+            self._learn(opcode, block[at + _PREFIX.size : at + _PREFIX.size + length])
+            at += _PREFIX.size + length
+        found = uniform(block, at)
+        if found is None or found.channel not in self.channels:
+            return None
+        tally, sequence = self._tally, found.sequence
+        tally.missed += self._gap(found.channel, int(sequence[0]))
+        tally.messages += len(sequence)
+        tally.last[found.channel] = int(sequence[-1]), self.loss.places
         return found
 
     def _gap(self, channel: int, sequence: int) -> int:

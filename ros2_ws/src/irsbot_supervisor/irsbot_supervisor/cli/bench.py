@@ -12,7 +12,7 @@ import typer
 from rich.table import Table
 
 from irsbot_supervisor.cli.common import err, out, print_json
-from irsbot_supervisor.validation.bench import batch, one_sample, report, startup, transport
+from irsbot_supervisor.validation.bench import batch, offline, one_sample, report, startup, transport
 from irsbot_supervisor.validation.bench.report import Measured, Row
 
 
@@ -23,6 +23,7 @@ class Part(str, Enum):
     TRANSPORT = "transport"
     BATCH = "batch"
     STARTUP = "startup"
+    OFFLINE = "offline"
 
 
 def bench(
@@ -43,6 +44,7 @@ def bench(
         transport.measure(_tell, quick=quick) if Part.TRANSPORT in parts else (),
         batch.measure(_tell, quick=quick) if Part.BATCH in parts else None,
         startup.measure(_tell, quick=quick) if Part.STARTUP in parts else (),
+        offline.measure(_tell, quick=quick) if Part.OFFLINE in parts else None,
     )
     rows = report.rows(measured)
     if as_json:
@@ -90,6 +92,14 @@ def _tables(measured: Measured) -> list[Table]:
         rate, copied = found.samples_per_s * 1e-6, found.copied_bytes_per_s * 1e-9
         table.add_row(f"{rate:.2f}", f"{found.bytes_per_sample:.0f}", f"{copied:.1f}", f"{found.share_of_copy:.1%}")
         tables.append(table)
+    if measured.offline is not None:
+        table = Table(
+            "robot", "offline [us]", "one by one [us]", "an hour at 1 kHz [s]", title="judged offline, per sample"
+        )
+        run = measured.offline
+        each = (f"{seconds / run.samples * 1e6:.1f}" for seconds in (run.columns_s, run.one_by_one_s))
+        table.add_row(run.robot, *each, f"{run.hour_s:.0f}")
+        tables.append(table)
     if measured.startup:
         table = Table("first verdict [s]", "first judgement [s]", "resident [MB]", title="start-up")
         for start in measured.startup:
@@ -105,5 +115,6 @@ def _facts(measured: Measured, rows: list[Row]) -> dict[str, object]:
         "one_sample": [result._asdict() for result in measured.one_sample],
         "transport": [{**run._asdict(), "cpu_share": run.cpu_share} for run in measured.transport],
         "batch": measured.batch._asdict() if measured.batch is not None else None,
+        "offline": measured.offline._asdict() if measured.offline is not None else None,
         "startup": [start._asdict() for start in measured.startup],
     }

@@ -20,6 +20,9 @@ from irsbot_supervisor.fleet.search import bags_in
 from irsbot_supervisor.replay.expectation import write_draft
 from irsbot_supervisor.replay.judgement import BagJudgement, judge_bag
 
+SHOWN_EVERY = 1000
+"""Samples between two steps of the progress bar, at least."""
+
 RobotOption = Annotated[str | None, typer.Option(help="for bags of joint states alone: preset or YAML file")]
 SettingsOption = Annotated[
     Path | None,
@@ -121,10 +124,12 @@ def judged_with_progress(
 ) -> BagJudgement:
     """Judge the bag again, with a progress bar for long bags."""
     with progress_bar() as bar:
-        task = bar.add_task("judging again", total=None)
+        task, shown = bar.add_task("judging again", total=None), 0
 
         def progress(done: int, samples: int) -> None:
-            if not done % 1000:
+            nonlocal shown
+            if done - shown >= SHOWN_EVERY:
+                shown = done
                 bar.update(task, completed=done, total=samples)
 
         return judge_bag(

@@ -8,16 +8,21 @@ from math import isfinite, nan
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from irsbot_kinematics import BadInput, Robot
 from irsbot_msgs_py.records import Cause, Level, SingularityState, cause_names
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.configuration.loading import read_values, robot_of
 from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.core.supervisor import Supervisor
 from irsbot_supervisor.replay.comparison import Check, against_expectation, against_recording
 from irsbot_supervisor.replay.expectation import Expectation, measures_of, read_expectation
-from irsbot_supervisor.replay.rejudge import Assumption, Judged, Recording, Watch, judge_again, read_recording
+from irsbot_supervisor.replay.quiet.strides import QuietRows
+from irsbot_supervisor.replay.rejudge import Assumption, Judged, Recording, judge_again, read_recording
 from irsbot_supervisor.replay.run_figures import summary
 from irsbot_supervisor.replay.series import Series
+from irsbot_supervisor.replay.stepping import Watch, WatchRows
 
 Progress = Callable[[int, int], None]
 """Called with the number of judged samples, and of all samples."""
@@ -152,7 +157,8 @@ def judge_bag(
     assumption = assumption_from(robot, settings, expectation)
     files = None if mechanisms is None else [existing_file(file, "the mechanism file") for file in mechanisms]
     series = Series()
-    judged = judge_again(recording, assumption, files, _watch(recording, series, progress))
+    watch, watch_rows = _watches(recording, series, progress)
+    judged = judge_again(recording, assumption, files, watch, watch_rows)
     checks = against_recording(recording, judged)
     if expectation is not None:
         checks += against_expectation(recording, judged, expectation)
@@ -172,20 +178,30 @@ def judge_bag(
     )
 
 
-def _watch(recording: Recording, series: Series, progress: Progress | None) -> Watch:
+def _watches(recording: Recording, series: Series, progress: Progress | None) -> tuple[Watch, WatchRows]:
     """Add every judged sample to the series, with the recorded time that judging it took."""
     took_s = {
         (part, state.sequence): state.compute_time
         for part, session in enumerate(recording.sessions)
         for state in session.states
     }
+    begin_ns, number = recording.begin_ns, len(recording.samples)
 
     def watch(part: int, time_ns: int, state: SingularityState) -> None:
-        series.add((time_ns - recording.begin_ns) / NS_PER_S, state, took_s.get((part, state.sequence), nan))
+        series.add((time_ns - begin_ns) / NS_PER_S, state, took_s.get((part, state.sequence), nan))
         if progress is not None:
-            progress(series.count, len(recording.samples))
+            progress(series.count, number)
 
-    return watch
+    def watch_rows(part: int, ahead_ns: int, supervisor: Supervisor, rows: QuietRows) -> None:
+        count, times = len(rows.joints), (rows.joints.seen_ns + (ahead_ns - begin_ns)) / NS_PER_S
+        took = np.full(count, nan)
+        if took_s:
+            took[:] = [took_s.get((part, place), nan) for place in range(rows.last - count + 1, rows.last + 1)]
+        series.add_rows(times, supervisor, rows, took)
+        if progress is not None:
+            progress(series.count, number)
+
+    return watch, watch_rows
 
 
 def intervals_of(recording: Recording, judged: Judged) -> tuple[LevelInterval, ...]:

@@ -8,15 +8,13 @@ given robot, in the order and at the times of its recording.
 from __future__ import annotations
 
 from collections import Counter, defaultdict, deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import count
-from math import inf, nan
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from irsbot_kinematics import KinematicsError, Robot
-from irsbot_kinematics.description.robot_record import robot_from_record
 from irsbot_msgs_py.records import (
     CONSUMER_TIMEOUT_S,
     Cause,
@@ -29,28 +27,22 @@ from irsbot_msgs_py.records import (
 )
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.bag.bag import JOINT_STATE, STATE, STRING, VERDICT, Bag, Topic, choose_joint_topic
+from irsbot_supervisor.bag.column_reader import Columns
+from irsbot_supervisor.bag.joint_columns import JointColumns, JointSamples
 from irsbot_supervisor.bag.journal import Configuration, Entry, JournalError, configured, read_entry
 from irsbot_supervisor.bag.mcap_writer import BagError
-from irsbot_supervisor.configuration.feasibility import settings_from
 from irsbot_supervisor.configuration.loading import read_settings, robot_of
-from irsbot_supervisor.core.events import Configure, Event
+from irsbot_supervisor.core.latch import Judgement
 from irsbot_supervisor.core.settings import InvalidSettings, Settings
 from irsbot_supervisor.core.stop_monitor import MeasuredStop
-from irsbot_supervisor.core.supervisor import Supervisor
+from irsbot_supervisor.replay.levels import Levels
+from irsbot_supervisor.replay.stepping import Input, Stepper, Watch, WatchRows, in_order
 
 SILENCE_NS = round(CONSUMER_TIMEOUT_S * NS_PER_S)
 """ns without a verdict after which a consumer stops."""
 
 Said = tuple[int, SingularityState | Verdict | Entry]
 """A message of a supervisor with its log time, ns."""
-
-Input = JointSample | Tick | Entry
-"""An input of a supervisor, as the bag has it."""
-
-
-Watch = Callable[[int, int, SingularityState], None]
-"""Called for every sample that is judged again: number of the session, ns on the clock of the intervals, and the
-result."""
 
 
 class Assumption(NamedTuple):
@@ -111,7 +103,7 @@ class Recording:
     """One supervised robot of a bag."""
 
     path: Path
-    samples: list[JointSample] = field(default_factory=list)  # seen_ns and received_ns as recorded
+    samples: Sequence[JointSample] = field(default_factory=list)  # seen_ns and received_ns as recorded
     sessions: list[SupervisorSession] = field(default_factory=list)  # one after another; none in a bag of samples alone
     loss: str = ""
 
@@ -140,7 +132,7 @@ class Judged:
     """A recording judged again."""
 
     parts: list[list[Interval]]  # one per supervision, or one for samples alone
-    levels: dict[tuple[int, int], tuple[Level, int]]  # by number of the supervision and of the sample: level and causes
+    levels: Levels  # by number of the supervision and of the sample: level and causes
     unseen: int  # joint states in the bag that never reached a supervisor
     missing: int  # samples a supervisor saw that are not in the bag
     robot: str = ""  # for which it was judged, and how it is known
@@ -154,6 +146,12 @@ class Judged:
     @property
     def intervals(self) -> list[Interval]:
         return [interval for part in self.parts for interval in part]
+
+    def note(self, turn: Judgement, part: int, ahead_ns: int) -> None:
+        """Add the interval that begins with a judgement."""
+        text = "; ".join(finding.text for finding in turn.findings)
+        since_ns = turn.since_ns + ahead_ns
+        self.parts[part].append(Interval(since_ns, turn.level, turn.causes, turn.latched, turn.event, text))
 
 
 class Sources(NamedTuple):
@@ -190,12 +188,14 @@ def read_recording(bag: Path, namespace: str | None = None, topic: str | None = 
 
     Raises BagError for a path that is not a bag, for a bag without joint states, and if the robot is ambiguous.
     """
-    samples: dict[str, list[JointSample]] = defaultdict(list)
+    samples: dict[str, JointSamples] = defaultdict(JointSamples)
     stated: dict[str, list[tuple[int, SingularityState | Verdict | str]]] = defaultdict(list)  # by supervisor
     with Bag(bag) as opened:
-        for entry in opened.records():
-            if isinstance(entry.record, JointSample):
-                samples[entry.topic].append(entry.record)
+        for entry in opened.columns():
+            if isinstance(entry, Columns):
+                samples[entry.topic].append(entry.joints)
+            elif isinstance(entry.record, JointSample):
+                samples[entry.topic].extend([entry.record])
             elif not isinstance(entry.record, str) or entry.topic.endswith("/journal"):
                 stated[supervisor_of(entry.topic)].append((entry.log_ns, entry.record))
         loss = str(opened.loss) if opened.loss else ""
@@ -206,6 +206,7 @@ def read_recording(bag: Path, namespace: str | None = None, topic: str | None = 
     words = [
         (log, _journal_entry(bag, word) if isinstance(word, str) else word) for log, word in stated.get(supervisor, ())
     ]
+    samples[joints].compact()
     return Recording(bag, samples[joints], _sessions(words), loss)
 
 
@@ -244,14 +245,16 @@ def judge_again(
     assumption: Assumption | None = None,
     mechanisms: Sequence[Path] | None = None,
     watch: Watch | None = None,
+    watch_rows: WatchRows | None = None,
 ) -> Judged:
     """Verdicts of the supervisors for the recorded inputs. told: robot and settings, only for a bag without a journal.
     mechanisms: files that may contain the recorded mechanism; left out: those beside the bag. Only the file with the
-    recorded hash is loaded. watch: called for every judged sample.
+    recorded hash is loaded. watch: called for every judged sample. watch_rows: the same for samples that are judged as
+    columns; with `watch` alone none are.
 
     Raises BagError for settings that this version cannot use, and if the robot is missing or given twice.
     """
-    judged = Judged([], {}, 0, 0)
+    judged, watches = Judged([], Levels(), 0, 0), (watch, watch_rows)
     files = beside(recording.path) if mechanisms is None else mechanisms
     first = next((entry for entry in recording.journal if isinstance(entry, Configuration)), None)
     try:
@@ -267,8 +270,8 @@ def judge_again(
             judged.robot = f"{first.values['robot']}, as recorded"
         if not recording.states:
             others = [entry for entry in recording.journal if entry is not first]
-            events = _with_ticks([*recording.samples, *others], recording.samples[-1].seen_ns)
-            _step_through(judged, first, events, count(1), files, watch)
+            events = _with_ticks(recording.samples, others, recording.samples[-1].seen_ns)
+            _step_through(judged, first, events, count(1), files, watches)
             return judged
         waiting: dict[int, deque[JointSample]] = defaultdict(deque)
         for sample in recording.samples:
@@ -279,7 +282,7 @@ def judge_again(
             last = session.states[-1].sequence - session.states[0].sequence + 1 if session.states else 0
             judged.missing += last - len(seen)
             events = _events(session, first, list(seen.values()))
-            _step_through(judged, first, events, iter(seen), files, watch, session.ahead_ns)
+            _step_through(judged, first, events, seen, files, watches, session.ahead_ns)
         for session, part, later in zip(recording.sessions, judged.parts, judged.parts[1:], strict=False):
             part += _silence(session.end_ns, later[0].since_ns)
         judged.unseen = sum(len(queue) for queue in waiting.values())
@@ -326,7 +329,8 @@ def _assumed(recording: Recording, assumption: Assumption | None) -> Configurati
 
 def _need_joints(recording: Recording, joints: Sequence[str]) -> None:
     """Raises BagError if no message names all joints: then no sample could be judged."""
-    sets = {sample.names for sample in recording.samples}
+    samples = recording.samples
+    sets = samples.names if isinstance(samples, JointSamples) else {sample.names for sample in samples}
     if not any(set(joints) <= set(names) for names in sets):
         known = "; ".join(sorted(", ".join(names) or "no names" for names in sets))
         fault = f"no message names all joints of the robot, {', '.join(joints)}; there are {known}"
@@ -386,11 +390,14 @@ def _seen(session: SupervisorSession, waiting: dict[int, deque[JointSample]]) ->
     }
 
 
-def _events(session: SupervisorSession, first: Configuration, samples: list[JointSample]) -> list[Input]:
+def _events(
+    session: SupervisorSession, first: Configuration, samples: list[JointSample]
+) -> Iterator[Input | JointColumns]:
     """The inputs of a supervisor in the order of their reception."""
     others: list[Input] = [entry for entry in session.journal if entry is not first]
     end_ns = max([verdict.since_ns for _log, verdict in session.verdicts], default=0)
-    return _with_ticks([_begin(session, first), *samples, *others], end_ns)
+    yield _begin(session, first)
+    yield from _with_ticks(samples, others, end_ns)
 
 
 def _begin(session: SupervisorSession, first: Configuration) -> Tick:
@@ -401,75 +408,26 @@ def _begin(session: SupervisorSession, first: Configuration) -> Tick:
     return Tick(first.received_ns, first.seen_ns)
 
 
-def _with_ticks(events: list[Input], end_ns: int) -> list[Input]:
+def _with_ticks(samples: Sequence[JointSample], others: Sequence[Input], end_ns: int) -> Iterator[Input | JointColumns]:
     """In order of time, with a tick just after the end: a silence that counts from the end on is noticed by it."""
-    ordered = sorted(events, key=lambda event: event.seen_ns)
-    if end_ns > ordered[-1].seen_ns:
-        ordered.append(Tick(end_ns + 1, end_ns + 1))
-    return ordered
+    kept = samples if isinstance(samples, JointSamples) else JointSamples(samples)
+    others = sorted(others, key=lambda event: event.seen_ns)
+    yield from in_order(kept, others)
+    last_ns = max([*(event.seen_ns for event in others[-1:]), *(part.last_ns for part in [kept] if len(kept))])
+    if end_ns > last_ns:
+        yield Tick(end_ns + 1, end_ns + 1)
 
 
 def _step_through(
     judged: Judged,
     first: Configuration,
-    events: list[Input],
-    numbers: Iterator[int],
+    events: Iterator[Input | JointColumns],
+    numbers: Iterable[int],
     files: Sequence[Path],
-    watch: Watch | None,
+    watches: tuple[Watch | None, WatchRows | None],
     ahead_ns: int = 0,
 ) -> None:
-    """Judge the inputs of one supervisor. numbers: of its samples, as recorded. An internal error makes the state
-    UNKNOWN, as in the node, and the replay goes on."""
-    machine = robot_from_record(first.machine, files)
-    supervisor = Supervisor(settings_from(first.values, machine), machine)
-    judged.machine = machine
-    judged.settings.append((first.seen_ns + ahead_ns, supervisor.settings))
-    intervals: list[Interval] = []
-    stop = None
-    for event in events:
-        try:
-            step = supervisor.step(_event(event, machine))
-        except InvalidSettings:  # of the bag, not of an error inside
-            raise
-        except Exception as error:  # as the node guards it
-            step = supervisor.fail(event.seen_ns, error)
-            judged.errors.append(f"input seen at {event.seen_ns / NS_PER_S:.6f}: {type(error).__name__}: {error}")
-        if isinstance(event, JointSample):
-            judged.levels[len(judged.parts), next(numbers)] = step.found or (Level.UNKNOWN, int(Cause.INTERNAL))
-            if step.state is not None:
-                _note_margins(judged, step.state)
-                if watch is not None:
-                    watch(len(judged.parts), event.seen_ns + ahead_ns, step.state)
-        elif isinstance(event, Configuration):
-            judged.settings.append((event.seen_ns + ahead_ns, supervisor.settings))
-        if supervisor.measured_stop is not stop:
-            stop = supervisor.measured_stop
-            judged.stops += [(event.seen_ns + ahead_ns, stop)] if stop else []
-        for turn in step.transitions:
-            text = "; ".join(finding.text for finding in turn.findings)
-            intervals.append(
-                Interval(turn.since_ns + ahead_ns, turn.level, turn.causes, turn.latched, turn.event, text)
-            )
-    judged.parts.append(intervals)
-    judged.rejections.update(supervisor.rejections)
-
-
-def _note_margins(judged: Judged, state: SingularityState) -> None:
-    """Keep the smallest margins; NaN, for a posture that is not assembled or a margin that the robot does not have, is
-    ignored."""
-    values = {
-        "type1": min(state.type1_margin, default=nan),
-        "type2": state.type2_margin,
-        "constraint": state.constraint_margin,
-        "limb": min(state.limb_margin, default=nan),
-    }
-    for name, value in values.items():
-        if value < judged.margins.get(name, (inf, 0))[0]:
-            judged.margins[name] = value, state.stamp_ns
-
-
-def _event(given: Input, machine: Robot) -> Event:
-    """An event for the core: settings are checked here, once."""
-    if isinstance(given, Configuration):
-        return Configure(given.received_ns, given.seen_ns, settings_from(given.values, machine))
-    return given
+    """Judge the inputs of one supervisor. numbers: of its samples, as recorded."""
+    stepper = Stepper(judged, first, numbers, files, watches, ahead_ns)
+    stepper.take(events)
+    stepper.finish()

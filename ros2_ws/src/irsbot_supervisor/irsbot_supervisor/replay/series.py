@@ -7,10 +7,16 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from irsbot_kinematics.numerics.arithmetic import Array
+from irsbot_kinematics import statics
+from irsbot_kinematics.numerics.arithmetic import ARRAYS, Array
 from irsbot_msgs_py.records import SingularityState
+from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.core.margins import MARGIN_CAUSES, MARGIN_TEXTS
+from irsbot_supervisor.core.policy import OBSERVABLE
 from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.core.stopping import limits_of
+from irsbot_supervisor.core.supervisor import Supervisor
+from irsbot_supervisor.replay.quiet.strides import QuietRows
 from irsbot_supervisor.replay.run_summary import margin_of
 
 MARGINS = tuple(MARGIN_TEXTS[kind] for kind in MARGIN_CAUSES)
@@ -43,6 +49,40 @@ class Series:
         self._put("largest force", state.reaction_max)
         self._put("age", (state.sample_age,))
         self._put("computing", (compute_s,))
+
+    def add_rows(self, times: Array, supervisor: Supervisor, rows: QuietRows, compute_s: Array) -> None:
+        """Add samples that were judged as columns. times, compute_s: (N,) as of `add`."""
+        joints, found, part = rows.joints, rows.postures, rows.rows
+        settings, legs, nothing = supervisor.settings, found.legs, np.zeros(len(times))
+        screws = [[column[part] for column in row] for row in legs.screws]
+        levers = [lever[part] for lever in legs.levers]
+        drive = [-(lever * rate) for lever, rate in zip(levers, joints.velocity.T, strict=True)]
+        force = settings.load_force_n + settings.payload_kg * settings.gravity_m_s2
+        turns = bool(legs.attachments)
+        largest = statics.reaction_max(ARRAYS, screws, force, settings.load_moment_nm, turns=turns)
+        kind = (rows.certified - np.array(limits_of(settings, "stop"))).argmin(1)
+        measured = np.full(joints.position.shape, np.nan)
+        if joints.effort.shape[1]:
+            sines = np.abs([sine[part] for sine in legs.normalised_levers]).T
+            measured = np.where(sines >= OBSERVABLE, -joints.effort / np.array(levers).T, np.nan)
+        self.count += len(times)
+        self._put_rows("time", times)
+        self._put_rows("level", nothing)
+        self._put_rows("causes", nothing)
+        self._put_rows("margin", found.margins[part])
+        self._put_rows("until rest", np.take_along_axis(rows.certified, kind[:, None], 1))
+        self._put_rows("pose", found.pose[part])
+        self._put_rows("pose rate", np.stack(statics.twist(screws, drive), axis=1))
+        self._put_rows("joint", joints.position)
+        self._put_rows("joint rate", joints.velocity)
+        self._put_rows("pressure angle", np.arccos([cosine[part] for cosine in found.cosines]).T)
+        self._put_rows("force", measured)
+        self._put_rows("largest force", np.stack(largest, axis=1))
+        self._put_rows("age", (joints.received_ns - joints.stamp_ns) / NS_PER_S)
+        self._put_rows("computing", compute_s)
+
+    def _put_rows(self, kind: str, values: Array) -> None:
+        self._rows.setdefault(kind, array("d")).frombytes(np.ascontiguousarray(values, dtype=float).tobytes())
 
     def _put(self, kind: str, values: Iterable[float]) -> None:
         self._rows.setdefault(kind, array("d")).extend(values)

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from irsbot_supervisor.validation.bench.batch import Batch
+from irsbot_supervisor.validation.bench.offline import Offline
 from irsbot_supervisor.validation.bench.one_sample import OneSample
 from irsbot_supervisor.validation.bench.startup import Start
 from irsbot_supervisor.validation.bench.transport import RAW, SUPERVISED, TYPED, Run
@@ -37,6 +38,7 @@ class Measured(NamedTuple):
     transport: Sequence[Run] = ()
     batch: Batch | None = None
     startup: Sequence[Start] = ()
+    offline: Offline | None = None
 
 
 def rows(measured: Measured) -> list[Row]:
@@ -49,6 +51,10 @@ def rows(measured: Measured) -> list[Row]:
     if measured.batch is not None:
         rate = measured.batch.samples_per_s * 1e-6
         found.append(Row("P5", "batch: margins with numpy alone", 5.5, True, rate, "Msamples/s"))
+    if measured.offline is not None:
+        offline = measured.offline
+        found.append(Row("P6", f"an hour at 1 kHz judged offline, {offline.robot}", 15.0, False, offline.hour_s, "s"))
+        found.append(Row("P6", "judged offline / one by one", 0.1, False, offline.ratio, "x"))
     if measured.startup:
         first = median(start.first_verdict_s for start in measured.startup)
         memory = max(start.resident_mb for start in measured.startup)

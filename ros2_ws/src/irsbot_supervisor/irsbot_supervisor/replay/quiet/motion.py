@@ -1,0 +1,286 @@
+"""The estimator for many samples at once, as far as each follows the one before in the ordinary way.
+
+Only sums, products, quotients and comparisons of the same numbers in the same order occur, which numpy rounds as Python
+does: speeds, delays and boxes are those of the estimator, bit for bit. `Motion.regular` says for which samples the
+assumptions hold; the others, and what follows them, are the estimator's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import floor, sqrt
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from irsbot_kinematics.mechanism import Coordinate
+from irsbot_msgs_py.stamps import NS_PER_S
+from irsbot_supervisor.bag.joint_columns import JointColumns, Times, Values
+from irsbot_supervisor.core.estimation.clock_steps import STEP_S
+from irsbot_supervisor.core.estimation.observer import stamped_errors
+from irsbot_supervisor.core.estimation.sample_interval import JUDGING_S, SETTLING
+from irsbot_supervisor.core.reachable_box import position_error
+from irsbot_supervisor.core.settings import OVERSPEED, Settings
+
+Mask = NDArray[np.bool_]
+Rows = NDArray[np.intp]
+
+NEAR = 3.0
+"""rad: smaller differences of angles are their own remainder."""
+
+SURELY_MOVED = 1.0 + 1e-9
+"""1: a joint that moved by this multiple of the least step has moved, however the difference is rounded."""
+
+FARTHEST_ROW = 100.0
+"""rad or m: positions beyond are left to the supervisor: there sines lose digits."""
+
+
+class Longest(NamedTuple):
+    """State of `SecondLargest`."""
+
+    since_ns: int | None
+    now: tuple[float, float]
+    before: tuple[float, float]
+
+
+class History(NamedTuple):
+    """The estimator's memory before a stretch: its last samples, oldest first."""
+
+    stamp_ns: Times  # (P,)
+    position: Values  # (P, n)
+    velocity: Values  # (P, n)
+    observed: int  # of these rows the first that the observer keeps
+    reported: int  # and that the comparison with reported velocities keeps
+    received_ns: int  # of the last row
+    seen_ns: int
+    forward: tuple[float, ...]
+    backward: tuple[float, ...]
+    sent_s: float
+    learned_ns: int | None
+    longest: Longest
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Estimates of N samples; P rows of history come before them in `stamps`, `positions` and `velocities`."""
+
+    regular: Mask  # (N,) True where the estimator finds nothing
+    stamps: Times  # (P + N,)
+    positions: Values
+    velocities: Values
+    observed: Rows  # (N,) first row that is kept after the sample
+    reported: Rows
+    forward: Values  # (N, n) rad/s or m/s
+    backward: Values
+    sent_s: Values  # (N,)
+    since_ns: Times  # (N,) state of `SecondLargest`
+    longest: Values  # (N, 4)
+    expected_s: Values  # (N,)
+    delay_s: Values
+    low: Values  # (N, n) rad or m: reachable box
+    high: Values
+    half: Values
+
+
+class MotionColumns:
+    """Applies the settings of one robot."""
+
+    def __init__(self, settings: Settings, joints: tuple[Coordinate, ...]) -> None:
+        self._settings = settings
+        self._angles = np.array([joint.is_angle for joint in joints])
+        self._turn = np.array([joint.turn for joint in joints])
+        self._fastest, self._gain = np.array(settings.velocity_limit), np.array(settings.acceleration_limit)
+        self._brake = np.array(settings.deceleration_limit)
+        errors = stamped_errors(settings)
+        self._errors = np.array([2.0 * error for error in errors])
+        pairs = list(zip(errors, settings.acceleration_limit, strict=True))
+        self._window_ns = round(max(sqrt(4.0 * e / a) for e, a in pairs) * NS_PER_S)
+        self._reported_ns = max(round((4.0 * e / a) ** 0.5 * NS_PER_S) for e, a in pairs)
+        self._told_s = float(((0.5 * self._turn - self._errors) / self._fastest).min())
+        half = position_error(settings)
+        self._box_errors = np.array([half + settings.stamp_jitter_s * v for v in settings.velocity_limit])
+        self._jump = np.array(
+            [settings.encoder_resolution + 2.0 * settings.stamp_jitter_s * v for v in settings.velocity_limit]
+        )
+        lower, upper = settings.position_lower, settings.position_upper
+        self._lower, self._upper = np.array(lower), np.array(upper)
+
+    def over(self, block: JointColumns, history: History) -> Motion:
+        """Estimates of samples that follow the history. block: positions and velocities in the order of the robot."""
+        settings, before = self._settings, len(history.stamp_ns)
+        stamps = np.concatenate([history.stamp_ns, block.stamp_ns])
+        positions = np.concatenate([history.position, block.position])
+        velocities = np.concatenate([history.velocity, block.velocity])
+        row = before + np.arange(len(block))
+        stamp_steps = block.stamp_ns - stamps[row - 1]
+        seen_steps = np.diff(block.seen_ns, prepend=history.seen_ns)
+        received_steps = np.diff(block.received_ns, prepend=history.received_ns)
+        age = block.received_ns - block.stamp_ns
+        passed, stamped = seen_steps / NS_PER_S, stamp_steps / NS_PER_S
+        regular = (stamp_steps > 0) & (seen_steps >= 0) & (age >= 0) & (age <= round(settings.age_limit_s * NS_PER_S))
+        regular &= (passed <= settings.stale_s) & (stamped <= settings.stale_s)
+        regular &= seen_steps <= round(settings.stale_s * NS_PER_S)
+        clock_step = received_steps - seen_steps
+        regular &= ~((clock_step > STEP_S * NS_PER_S) & (clock_step < stamp_steps))
+        regular &= (np.abs(block.position) <= FARTHEST_ROW).all(1)
+        moved = block.position - positions[row - 1]
+        span = np.maximum(passed, stamped)[:, None]
+        regular &= (np.abs(moved) <= OVERSPEED * self._fastest * span + self._jump).all(1)
+        speed = np.abs(block.velocity)
+        regular &= (speed <= self._fastest).all(1)
+        still = np.abs(moved) <= 2.0 * settings.encoder_resolution * SURELY_MOVED
+        regular &= ~(still & (speed > settings.standstill_speed)).any(1)
+        if history.learned_ns is not None:
+            regular &= (block.seen_ns - history.learned_ns) / NS_PER_S >= SETTLING * settings.stale_s
+
+        observed = _kept_from(stamps, row, self._window_ns, history.observed)
+        forward, backward = self._speeds(stamps, positions, row, observed, history, regular)
+        reported = _kept_from(stamps, row, self._reported_ns, history.reported)
+        self._compare(stamps, positions, velocities, row, reported, forward, backward, regular)
+        expected, since, longest = self._expected(block.seen_ns, passed, stamped, history)
+        delay = expected + age / NS_PER_S
+        ahead = self._until_rest(forward, delay + settings.latency_s) + self._box_errors
+        back = self._until_rest(backward, delay + settings.latency_s) + self._box_errors
+        low, high = block.position - back, block.position + ahead
+        regular &= ((self._lower <= low) & (high <= self._upper)).all(1)
+        return Motion(
+            regular=regular,
+            stamps=stamps,
+            positions=positions,
+            velocities=velocities,
+            observed=observed,
+            reported=reported,
+            forward=forward,
+            backward=backward,
+            sent_s=stamped,
+            since_ns=since,
+            longest=longest,
+            expected_s=expected,
+            delay_s=delay,
+            low=low,
+            high=high,
+            half=np.maximum(ahead, back),
+        )
+
+    def _speeds(
+        self, stamps: Times, positions: Values, row: Rows, observed: Rows, history: History, regular: Mask
+    ) -> tuple[Values, Values]:
+        """Bounds of the observer; `regular` becomes False where it starts anew."""
+        first = np.concatenate([[history.observed], observed[:-1]])  # kept after the sample before
+        count, back = row - first, np.ones_like(row)
+        forward = np.broadcast_to(self._fastest, (len(row), len(self._fastest))).copy()
+        backward = forward.copy()
+        least: tuple[Values, Values] | None = None
+        asked = np.ones(len(row), bool)
+        while asked.any():
+            then = row - back
+            span = ((stamps[row] - stamps[then]) / NS_PER_S)[:, None]
+            asked &= span[:, 0] <= self._told_s
+            way = positions[row] - positions[then]
+            regular &= ~(asked & (self._angles & ~(np.abs(way) < NEAR)).any(1))
+            mean, gained = way / span, self._gain * span
+            rest = self._errors / span + 0.5 * gained
+            up, down = mean + rest, rest - mean
+            least = least or (up, down)
+            forward = np.where(asked[:, None], np.minimum(forward, np.maximum(up, gained)), forward)
+            backward = np.where(asked[:, None], np.minimum(backward, np.maximum(down, gained)), backward)
+            asked &= ~((back == count) | (stamps[row] - stamps[then] >= self._window_ns))
+            back = np.minimum(2 * back, count)
+        gains = self._gain * ((stamps[row] - stamps[row - 1]) / NS_PER_S)[:, None]
+        forward, before = _growing(forward, gains, history.forward)
+        backward, earlier = _growing(backward, gains, history.backward)
+        assert least is not None
+        regular &= ((-least[1] <= before) & (-least[0] <= earlier)).all(1)
+        return forward, backward
+
+    def _compare(
+        self,
+        stamps: Times,
+        positions: Values,
+        velocities: Values,
+        row: Rows,
+        reported: Rows,
+        forward: Values,
+        backward: Values,
+        regular: Mask,
+    ) -> None:
+        """`regular` becomes False where reported velocities contradict the positions."""
+        settings, rate = self._settings, velocities[row]
+        tolerance = settings.standstill_speed
+        span = ((stamps[row] - stamps[reported]) / NS_PER_S)[:, None]
+        way, begin = positions[row] - positions[reported], velocities[reported]
+        mean, least = way / span, self._errors / span + 0.5 * self._gain * span + tolerance
+        right = (-backward - tolerance <= rate) & (rate <= forward + tolerance)
+        right &= (mean - least <= np.maximum(begin, 0.0)) & (-mean - least <= np.maximum(-begin, 0.0))
+        right &= ~self._angles | (np.abs(way) < NEAR)
+        regular &= right.all(1)
+
+    def _expected(self, seen: Times, passed: Values, stamped: Values, history: History) -> tuple[Values, Times, Values]:
+        """Time until the next sample is judged, and the memory of long intervals."""
+        settings = self._settings
+        gap = np.where((passed < stamped) & (stamped <= settings.stale_s), stamped, passed)
+        second, since, longest = _second_largest(seen, gap, SETTLING * settings.stale_s * NS_PER_S, history.longest)
+        most = np.maximum(np.where(second == 0.0, gap, second), settings.sample_gap_s)
+        return most + np.maximum(settings.judging_s, np.minimum(most, JUDGING_S)), since, longest
+
+    def _until_rest(self, speed: Values, free_s: Values) -> Values:
+        free, gain, fastest = free_s[:, None], self._gain, self._fastest
+        faster = (fastest - speed) / gain
+        short = faster >= free
+        way = np.where(
+            short,
+            (speed + 0.5 * gain * free) * free,
+            (speed + 0.5 * gain * faster) * faster + fastest * (free - faster),
+        )
+        last = np.where(short, speed + gain * free, fastest)
+        past = speed >= fastest
+        way, last = np.where(past, speed * free, way), np.where(past, speed, last)
+        rest: Values = way + 0.5 * last * last / self._brake
+        return rest
+
+
+def _kept_from(stamps: Times, row: Rows, window_ns: int, begin: int) -> Rows:
+    """First row that is kept after each row: the last one that is at least a window old, but never the row itself."""
+    found = np.searchsorted(stamps, stamps[row] - window_ns, side="right") - 1
+    return np.clip(found, begin, row - 1)
+
+
+def _growing(most: Values, gains: Values, begin: tuple[float, ...]) -> tuple[Values, Values]:
+    """Bounds x_n = min(x_(n-1) + gain_n, most_n), and those before. The bound of one row reaches the next ones as long
+    as it is lower than theirs: the rows are lowered until none changes."""
+    found = most
+    while True:
+        before = np.concatenate([np.array([begin]), found[:-1]])
+        lower = np.minimum(before + gains, most)
+        if np.array_equal(lower, found, equal_nan=True):
+            return found, before
+        found = lower
+
+
+def _second_largest(seen: Times, values: Values, span_ns: float, state: Longest) -> tuple[Values, Times, Values]:
+    """`SecondLargest.second` for many values, and its state after each: (N,) begin of the span, (N, 4) largest and
+    second-largest of this span and of the one before."""
+    since_ns, (a, b), (c, d) = state
+    since_ns = int(seen[0]) if since_ns is None else since_ns
+    count, at = len(seen), 0
+    since, largest = np.empty(count, np.int64), np.empty((count, 4))
+    while at < count:
+        late_ns = int(seen[at]) - since_ns
+        if late_ns > span_ns:
+            c, d = (a, b) if late_ns <= 2.0 * span_ns else (0.0, 0.0)
+            a, b, since_ns = 0.0, 0.0, int(seen[at])
+        end = max(int(np.searchsorted(seen, since_ns + floor(span_ns), side="right")), at + 1)
+        part, rows = values[at:end], slice(at, end)
+        most = np.maximum(np.maximum.accumulate(part), a)
+        earlier = np.concatenate([[a], most[:-1]])
+        largest[rows, 0], largest[rows, 2], largest[rows, 3], since[rows] = most, c, d, since_ns
+        largest[rows, 1] = np.maximum(np.maximum.accumulate(np.minimum(part, earlier)), b)
+        (a, b), at = largest[end - 1, :2].tolist(), end
+    a_s, b_s, c_s, d_s = largest.T
+    return np.where(a_s >= c_s, np.maximum(b_s, c_s), np.maximum(a_s, d_s)), since, largest
+
+
+def selected(columns: Any, order: list[int]) -> Any:
+    """Columns (N, n) in another order."""
+    return columns if order == list(range(columns.shape[1])) else np.ascontiguousarray(columns[:, order])

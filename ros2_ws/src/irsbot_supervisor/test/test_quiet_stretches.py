@@ -1,0 +1,210 @@
+"""Samples judged as columns: the result is that of the supervisor, for all bags, scenarios and disturbances."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fake_failing_mechanism import fake_robot_of
+
+from irsbot_kinematics import make_robot
+from irsbot_kinematics.numerics.arithmetic import ARRAYS
+from irsbot_msgs_py.records import JointSample, Level
+from irsbot_msgs_py.stamps import NS_PER_S
+from irsbot_supervisor.bag.joint_columns import JointSamples
+from irsbot_supervisor.configuration.loading import read_settings
+from irsbot_supervisor.core.supervisor import Supervisor
+from irsbot_supervisor.replay import judgement
+from irsbot_supervisor.replay.judgement import story_of
+from irsbot_supervisor.replay.quiet import motion, strides
+from irsbot_supervisor.replay.quiet.strides import QuietRows
+from irsbot_supervisor.replay.rejudge import Assumption, Judged, Recording, judge_again, read_recording
+from irsbot_supervisor.replay.run_figures import summary
+from irsbot_supervisor.replay.series import Series
+from irsbot_supervisor.validation.bench.motion import recorded
+
+BAGS = Path(__file__).parents[4] / "bags"
+ROUNDING = 1e-10
+"""1, rad, m, N: numbers of columns differ by less."""
+
+
+def judged(recording: Recording, assumption: Assumption | None, columns: bool) -> tuple[Judged, Series, int]:
+    """The result, the series, and the number of samples that were judged as columns."""
+    series, quiet = Series(), 0
+    watch, watch_rows = judgement._watches(recording, series, None)
+
+    def counted(part: int, ahead_ns: int, supervisor: Supervisor, rows: QuietRows) -> None:
+        nonlocal quiet
+        quiet += len(rows.joints)
+        watch_rows(part, ahead_ns, supervisor, rows)
+
+    found = judge_again(recording, assumption, None, watch, counted if columns else None)
+    return found, series, quiet
+
+
+def quiet_and_same(recording: Recording, assumption: Assumption | None = None) -> int:
+    """Judge in both ways and compare all that is recorded; returns how many samples were judged as columns."""
+    one_by_one, expected, none = judged(recording, assumption, columns=False)
+    found, series, quiet = judged(recording, assumption, columns=True)
+    assert none == 0
+    assert found == one_by_one
+    assert summary(recording, found, series) == summary(recording, one_by_one, expected)
+    for kind in expected._rows:
+        np.testing.assert_allclose(series[kind], expected[kind], rtol=ROUNDING, atol=ROUNDING, equal_nan=True)
+    for kind in ("time", "level", "causes", "joint", "joint rate", "age", "computing"):
+        np.testing.assert_array_equal(series[kind], expected[kind])
+    return quiet
+
+
+def recording_of(samples: list[JointSample]) -> Recording:
+    return Recording(Path("run"), JointSamples(samples))
+
+
+@pytest.fixture(scope="module")
+def work() -> dict[str, list[JointSample]]:
+    """Pick and place of robots of each form, 1 kHz."""
+    return {name: recorded(name, 2500)[2] for name in ("irsbot2", "irsbot2_beta45", "five_bar")}
+
+
+@pytest.mark.parametrize("bag", sorted(path.name for path in BAGS.iterdir() if path.is_dir()))
+def test_every_shipped_bag_is_judged_as_by_the_supervisor(bag: str) -> None:
+    story = story_of(BAGS / bag)
+    quiet_and_same(read_recording(BAGS / bag), story.assumption if story else None)
+
+
+@pytest.mark.parametrize("robot", ["irsbot2", "irsbot2_beta45", "five_bar"])
+def test_work_is_judged_as_columns_for_the_most_part(work: dict[str, list[JointSample]], robot: str) -> None:
+    samples = work[robot]
+    assert quiet_and_same(recording_of(samples), Assumption(robot)) > 0.8 * len(samples)
+
+
+def disturbed(samples: list[JointSample], seed: int) -> Iterator[JointSample]:
+    """A recording with disturbances of every kind at random places, most of them a few samples long."""
+    random = np.random.default_rng(seed)
+    kinds = ("none", "jitter", "gap", "nan", "jump", "noise", "old", "ahead", "still", "velocity", "repeat", "clock")
+    kind, left, shift, scale = "none", 200, 0, 1.0
+    for sample in samples:
+        stamp, received, seen, names, position, velocity, effort = sample
+        if left == 0:
+            quiet = random.random() < 0.5
+            kind = "none" if quiet else str(random.choice(kinds))
+            left = int(random.integers(100, 400)) if quiet else int(random.choice([1, 2, 5, 30, 120]))
+            scale = float(10.0 ** random.uniform(-5.0, -1.0))
+            shift += int(random.integers(-2, 30)) * 1_000_000 if kind == "clock" else 0
+        left -= 1
+        if kind == "gap" and random.random() < 0.9:
+            continue
+        if kind == "jitter":
+            stamp += int(random.normal() * 1e4)
+            received, seen = received + int(random.random() * 2e6), seen + int(random.random() * 2e6)
+        if kind == "nan":
+            position = (float("nan"), *position[1:])
+        if kind in ("jump", "noise"):
+            size = 0.3 if kind == "jump" else scale
+            position = tuple(q + size * float(random.normal()) for q in position)
+        if kind == "old":
+            stamp -= 40_000_000
+        if kind == "ahead":
+            stamp += 3_000_000
+        if kind == "still":
+            position = samples[0].position
+        if kind == "velocity":
+            velocity = tuple(rate + scale * 100.0 * float(random.normal()) for rate in velocity)
+        if kind == "repeat" and random.random() < 0.5:
+            stamp -= 1_000_000
+        yield JointSample(stamp + shift, received + shift, seen, names, position, velocity, effort)
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("robot", ["irsbot2", "five_bar"])
+def test_disturbed_recordings_are_judged_as_by_the_supervisor(
+    work: dict[str, list[JointSample]], robot: str, seed: int
+) -> None:
+    samples = sorted(disturbed(work[robot], seed), key=lambda sample: sample.seen_ns)
+    quiet_and_same(recording_of(samples), Assumption(robot, {"stale_s": 0.02 if seed % 2 else 0.05}))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_motion_around_the_limits_is_judged_as_by_the_supervisor(seed: int) -> None:
+    # Slow joints from a safe posture towards a limit and back, several times: OK, WARN and OK, or a stop.
+    random = np.random.default_rng(seed)
+    robot, position = make_robot("irsbot2"), recorded("irsbot2", 1)[2][0].position
+    names = tuple(joint.name for joint in robot.mechanism.joints)
+    way = random.normal(size=2)
+    way *= random.uniform(0.05, 0.5) / np.hypot(*way)
+    samples = []
+    for k in range(2500):
+        phase, rate = 0.5 * (1.0 - np.cos(2.0 * np.pi * k / 800.0)), np.sin(2.0 * np.pi * k / 800.0) * np.pi / 0.8
+        q = np.round((np.array(position) + way * phase) / 1e-5) * 1e-5
+        stamp_ns = 10**18 + k * NS_PER_S // 1000
+        times = stamp_ns, stamp_ns + 300_000, stamp_ns + 300_000
+        samples.append(JointSample(*times, names, tuple(q.tolist()), tuple((way * rate).tolist())))
+    quiet_and_same(recording_of(samples), Assumption("irsbot2"))
+
+
+def test_limits_that_the_motion_just_meets_are_judged_as_by_the_supervisor(work: dict[str, list[JointSample]]) -> None:
+    # Warning limits at the bounds that the supervisor finds for the motion itself.
+    recording = recording_of(work["irsbot2"])
+    _, series, _ = judged(recording, Assumption("irsbot2"), columns=False)
+    bounds = series["until rest"][300:, 0]
+    for bound in np.quantile(bounds, [0.02, 0.3, 0.7]).tolist():
+        kinds = ("type1", "type2", "constraint")
+        limits = {f"{kind}_warn": bound for kind in kinds} | {f"{kind}_stop": 0.01 for kind in kinds}
+        quiet_and_same(recording, Assumption("irsbot2", {**limits, "hysteresis": 0.0}))
+
+
+def test_the_motion_columns_matter(work: dict[str, list[JointSample]], monkeypatch: pytest.MonkeyPatch) -> None:
+    # The comparison bites: a guard that is wrong, and a memory that is not handed over, are seen.
+    samples = sorted(disturbed(work["irsbot2"], 0), key=lambda sample: sample.seen_ns)
+    with monkeypatch.context() as broken:
+        broken.setattr(motion, "SURELY_MOVED", -1.0)  # frozen encoders are not seen
+        broken.setattr(strides, "agrees", lambda *_: True)  # nor that the supervisor remembers something else
+        with pytest.raises(AssertionError):
+            quiet_and_same(recording_of(samples), Assumption("irsbot2"))
+
+
+def test_first_bounds_of_many_postures_are_those_of_each() -> None:
+    random = np.random.default_rng(5)
+    for name in ("irsbot2", "irsbot2_beta45", "five_bar"):
+        mechanism = make_robot(name).mechanism
+        centre = np.array(recorded(name, 1)[2][0].position)
+        joints = centre + random.uniform(-0.4, 0.4, (300, 2))
+        travel = random.uniform(0.0, 0.3, (300, 2))
+        columns = tuple(joints.T.copy())
+        with np.errstate(all="ignore"):
+            pose, gaps = mechanism.direct(ARRAYS, columns, mechanism.usual_assembly_mode)
+            many = mechanism.certified_bounds_many(mechanism.legs(ARRAYS, columns, pose), gaps, tuple(travel.T))
+        assert many is not None
+        proved = 0
+        for row, (q, half) in enumerate(zip(joints.tolist(), travel.tolist(), strict=True)):
+            at = mechanism.posture(q, mechanism.usual_assembly_mode)
+            if at.status != 0:
+                continue
+            one = mechanism.certified_bounds(at, half)
+            proved += one.type2 > 0.0
+            assert many.type2[row] == pytest.approx(one.type2, abs=ROUNDING)
+            assert [column[row] for column in many.type1] == pytest.approx(list(one.type1), abs=ROUNDING)
+            if many.constraint is not None:
+                assert many.constraint[row] == pytest.approx(one.constraint, abs=ROUNDING)
+        assert proved > 100
+
+
+def test_a_robot_without_column_form_is_judged_by_the_supervisor_alone() -> None:
+    samples = recorded("orthoglide", 300)[2]
+    assert quiet_and_same(recording_of(samples), Assumption("orthoglide")) == 0
+
+
+def test_a_mechanism_of_yours_is_judged_by_the_supervisor_alone() -> None:
+    # It inherits the columns of the shipped one, but they need not be its own postures.
+    supervisor = Supervisor(read_settings("irsbot2")[0], fake_robot_of("irsbot2"))
+    assert not strides.suits(supervisor)
+    assert strides.suits(Supervisor(*read_settings("irsbot2")))
+
+
+def test_a_run_of_warnings_is_not_taken_for_quiet(work: dict[str, list[JointSample]]) -> None:
+    samples = [sample._replace(velocity=()) for sample in work["irsbot2"][:600]]
+    found, _, quiet = judged(recording_of(samples), Assumption("irsbot2"), columns=True)
+    assert quiet == 0
+    assert found.intervals[-1].level == Level.WARN
