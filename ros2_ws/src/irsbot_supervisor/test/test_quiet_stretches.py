@@ -123,7 +123,8 @@ def test_disturbed_recordings_are_judged_as_by_the_supervisor(
     work: dict[str, list[JointSample]], robot: str, seed: int
 ) -> None:
     samples = sorted(disturbed(work[robot], seed), key=lambda sample: sample.seen_ns)
-    quiet_and_same(recording_of(samples), Assumption(robot, {"stale_s": 0.02 if seed % 2 else 0.05}))
+    changes = {"stale_s": 0.02 if seed % 2 else 0.05, "judging_s": 0.003 if seed % 3 else 0.0}
+    quiet_and_same(recording_of(samples), Assumption(robot, changes))
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -142,6 +143,24 @@ def test_motion_around_the_limits_is_judged_as_by_the_supervisor(seed: int) -> N
         times = stamp_ns, stamp_ns + 300_000, stamp_ns + 300_000
         samples.append(JointSample(*times, names, tuple(q.tolist()), tuple((way * rate).tolist())))
     quiet_and_same(recording_of(samples), Assumption("irsbot2"))
+
+
+@pytest.mark.parametrize("rest_ms", [30, 300])
+def test_after_a_stretch_the_supervisor_knows_since_when_the_joints_stand(rest_ms: int) -> None:
+    # How long the joints stand decides about late samples, and about when a stop is over.
+    position = np.array(recorded("irsbot2", 1)[2][0].position)
+    names = tuple(joint.name for joint in make_robot("irsbot2").mechanism.joints)
+    moved = 600
+    times = [*range(moved + rest_ms)]
+    times += [times[-1] + 27 * (k // 20) + k for k in range(20, 100)]  # pauses of 27 ms after every 20 samples
+    samples = []
+    for ms in times:
+        phase = 2.0 * np.pi * min(ms, moved) / 200.0
+        q = np.round((position + 0.02 * (1.0 - np.cos(phase))) / 1e-5) * 1e-5
+        rate = 0.02 * np.sin(phase) * 2.0 * np.pi / 0.2 if ms < moved else 0.0
+        stamp_ns = 10**18 + ms * NS_PER_S // 1000
+        samples.append(JointSample(stamp_ns, stamp_ns, stamp_ns, names, tuple(q.tolist()), (rate, rate)))
+    assert quiet_and_same(recording_of(samples), Assumption("irsbot2")) > 0.5 * len(samples)
 
 
 def test_limits_that_the_motion_just_meets_are_judged_as_by_the_supervisor(work: dict[str, list[JointSample]]) -> None:
