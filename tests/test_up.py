@@ -21,7 +21,7 @@ from irsbot_msgs.srv import EvaluateJoints
 from rcl_interfaces.srv import ListParameters
 
 from irsbot_supervisor.cli.app import main
-from irsbot_supervisor.cli.runs import _parameters
+from irsbot_supervisor.cli.up import _parameters
 from irsbot_supervisor.configuration.ros_parameter_file import OF_EVERY_NODE, QOS_OVERRIDES, read_parameters
 from irsbot_supervisor.nodes.suite import wanted
 from irsbot_supervisor.processes.listener import Watch

@@ -6,16 +6,16 @@ from types import SimpleNamespace
 
 import pytest
 
-from irsbot_supervisor.cli import runs
+from irsbot_supervisor.cli import demo
 from irsbot_supervisor.cli.common import Failed
 
 
 class Watch:
     """Every look takes a second; the first sample is judged in the look of this number."""
 
-    def __init__(self, timeline: runs._Timeline, first: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    def __init__(self, timeline: demo._Timeline, first: int, monkeypatch: pytest.MonkeyPatch) -> None:
         self.timeline, self.first, self.looks = timeline, first, 0
-        monkeypatch.setattr(runs.time, "monotonic", lambda: float(self.looks))
+        monkeypatch.setattr(demo.time, "monotonic", lambda: float(self.looks))
 
     def look(self, seconds: float) -> None:
         self.looks += 1
@@ -31,15 +31,15 @@ SUITE = SimpleNamespace(check=lambda: None)
 def test_the_planned_length_counts_from_the_first_sample(
     first: int, stops: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    timeline = runs._Timeline()
+    timeline = demo._Timeline()
     watch = Watch(timeline, first, monkeypatch)
-    runs._await(SUITE, watch, lambda: timeline.began, "no joint state was judged")
-    runs._follow(SUITE, watch, timeline, stops, 20.0)
-    assert watch.looks - first == (20.0 if stops else 20.0 - runs.GRACE_S + runs.AFTERWARDS_S)
+    demo._await(SUITE, watch, lambda: timeline.began, "no joint state was judged")
+    demo._follow(SUITE, watch, timeline, stops, 20.0)
+    assert watch.looks - first == (20.0 if stops else 20.0 - demo.GRACE_S + demo.AFTERWARDS_S)
 
 
 def test_joints_that_publish_nothing_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    timeline = runs._Timeline()
+    timeline = demo._Timeline()
     watch = Watch(timeline, 10_000, monkeypatch)
     with pytest.raises(Failed, match="no joint state was judged in 30 s"):
-        runs._await(SUITE, watch, lambda: timeline.began, "no joint state was judged")
+        demo._await(SUITE, watch, lambda: timeline.began, "no joint state was judged")

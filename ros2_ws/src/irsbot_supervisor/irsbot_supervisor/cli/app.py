@@ -18,6 +18,7 @@ from irsbot_supervisor.cli import (
     bags,
     bench,
     check,
+    demo,
     design,
     docs,
     faults,
@@ -30,10 +31,10 @@ from irsbot_supervisor.cli import (
     policy,
     replay,
     report,
-    runs,
     settings,
     sizing,
     stiffness,
+    up,
     urdf,
 )
 from irsbot_supervisor.cli.common import BAD_INPUT, NUMBERS, Failed, err, out
@@ -47,8 +48,8 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     add_completion=False,
 )
-app.command("demo")(runs.demo)
-app.command("up")(runs.up)
+app.command("demo")(demo.demo)
+app.command("up")(up.up)
 app.command("robots")(kinematics.list_robots)
 app.command("ik", context_settings=NUMBERS)(kinematics.inverse)
 app.command("dk", context_settings=NUMBERS)(kinematics.direct)
