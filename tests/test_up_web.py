@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import socket
 import subprocess
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -49,6 +50,18 @@ class Up:
         assert self.process.stdout is not None
         assert self.process.stdout.readline() == f"live page: http://localhost:{self.port}\n"
 
+    def await_page(self) -> None:
+        """Wait until the page's process listens: it loads when the suite has begun."""
+        deadline = time.monotonic() + PATIENCE_S
+        while True:
+            try:
+                socket.create_connection(("localhost", self.port), PATIENCE_S).close()
+                return
+            except ConnectionRefusedError:
+                assert self.process.poll() is None
+                assert time.monotonic() < deadline
+                time.sleep(0.05)
+
     def end(self) -> str:
         """Ctrl-C; what was printed on stderr."""
         self.process.send_signal(signal.SIGINT)
@@ -71,6 +84,7 @@ def up(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Up]:
 def browser(up: Up, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
     with Operator(up.domain, patience_s=PATIENCE_S) as operator, Browser(tmp_path_factory.mktemp("b") / "p") as one:
         operator.verdict()
+        up.await_page()
         one.open(f"http://localhost:{up.port}")
         one.until(f"Live.now !== null && Live.setup.view && {POSTURE}")
         yield one

@@ -17,10 +17,11 @@ from irsbot_supervisor.bag.joint_columns import JointSamples
 from irsbot_supervisor.configuration.loading import read_settings
 from irsbot_supervisor.core.supervisor import Supervisor
 from irsbot_supervisor.replay import judgement
+from irsbot_supervisor.replay.judged import Judged
 from irsbot_supervisor.replay.judgement import story_of
 from irsbot_supervisor.replay.quiet import motion, strides
 from irsbot_supervisor.replay.quiet.strides import QuietRows
-from irsbot_supervisor.replay.rejudge import Assumption, Judged, Recording, judge_again, read_recording
+from irsbot_supervisor.replay.rejudge import Assumption, Recording, judge_again, read_recording
 from irsbot_supervisor.replay.run_figures import summary
 from irsbot_supervisor.replay.series import Series
 from irsbot_supervisor.validation.bench.motion import recorded

@@ -8,7 +8,8 @@ from typing import NamedTuple
 from irsbot_msgs_py.records import cause_names
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.replay.expectation import MEASURES, Expectation, Expected, LevelSpan, levels_of, measures_of
-from irsbot_supervisor.replay.rejudge import Interval, Judged, Recording, SupervisorSession
+from irsbot_supervisor.replay.judged import Interval, Judged
+from irsbot_supervisor.replay.rejudge import Recording, SupervisorSession
 
 
 class Check(NamedTuple):

@@ -18,8 +18,9 @@ from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.core.supervisor import Supervisor
 from irsbot_supervisor.replay.comparison import Check, against_expectation, against_recording
 from irsbot_supervisor.replay.expectation import Expectation, measures_of, read_expectation
+from irsbot_supervisor.replay.judged import Judged
 from irsbot_supervisor.replay.quiet.strides import QuietRows
-from irsbot_supervisor.replay.rejudge import Assumption, Judged, Recording, judge_again, read_recording
+from irsbot_supervisor.replay.rejudge import Assumption, Recording, judge_again, read_recording
 from irsbot_supervisor.replay.run_figures import summary
 from irsbot_supervisor.replay.series import Series
 from irsbot_supervisor.replay.stepping import Watch, WatchRows

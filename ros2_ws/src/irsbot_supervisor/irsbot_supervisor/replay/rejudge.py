@@ -7,7 +7,7 @@ given robot, in the order and at the times of its recording.
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict, deque
+from collections import defaultdict, deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import count
@@ -17,13 +17,11 @@ from typing import Any, NamedTuple
 from irsbot_kinematics import KinematicsError, Robot
 from irsbot_msgs_py.records import (
     CONSUMER_TIMEOUT_S,
-    Cause,
     JointSample,
     Level,
     SingularityState,
     Tick,
     Verdict,
-    cause_names,
 )
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.bag.bag import JOINT_STATE, STATE, STRING, VERDICT, Bag, Topic, choose_joint_topic
@@ -32,9 +30,8 @@ from irsbot_supervisor.bag.joint_columns import JointColumns, JointSamples
 from irsbot_supervisor.bag.journal import Configuration, Entry, JournalError, configured, read_entry
 from irsbot_supervisor.bag.mcap_writer import BagError
 from irsbot_supervisor.configuration.loading import read_settings, robot_of
-from irsbot_supervisor.core.latch import Judgement
 from irsbot_supervisor.core.settings import InvalidSettings, Settings
-from irsbot_supervisor.core.stop_monitor import MeasuredStop
+from irsbot_supervisor.replay.judged import Interval, Judged
 from irsbot_supervisor.replay.levels import Levels
 from irsbot_supervisor.replay.stepping import Input, Stepper, Watch, WatchRows, in_order
 
@@ -52,24 +49,6 @@ class Assumption(NamedTuple):
     robot: str | Path | Robot | None
     settings: Mapping[str, Any] = {}
     complete: Settings | None = None
-
-
-class Interval(NamedTuple):
-    """Level and causes from one moment until the next interval."""
-
-    since_ns: int  # on the clock of the joint states' receipt, ROS time
-    level: Level
-    causes: int
-    latched: bool
-    event: int
-    text: str
-
-    def same_as(self, other: Interval) -> bool:
-        """Equal except for the wording."""
-        return self[:5] == other[:5]
-
-    def __str__(self) -> str:
-        return f"{self.level.name} ({cause_names(self.causes) or 'no cause'})"
 
 
 @dataclass
@@ -125,33 +104,6 @@ class Recording:
     @property
     def journal(self) -> list[Entry]:
         return [entry for session in self.sessions for entry in session.journal]
-
-
-@dataclass
-class Judged:
-    """A recording judged again."""
-
-    parts: list[list[Interval]]  # one per supervision, or one for samples alone
-    levels: Levels  # by number of the supervision and of the sample: level and causes
-    unseen: int  # joint states in the bag that never reached a supervisor
-    missing: int  # samples a supervisor saw that are not in the bag
-    robot: str = ""  # for which it was judged, and how it is known
-    errors: list[str] = field(default_factory=list)  # inside the supervisors, as a node would have caught them
-    margins: dict[str, tuple[float, int]] = field(default_factory=dict)  # smallest by name, and its stamp, ns ROS time
-    rejections: Counter[Cause] = field(default_factory=Counter)  # rejected joint states, by reason
-    stops: list[tuple[int, MeasuredStop]] = field(default_factory=list)  # that came to rest, with the time of that, ns
-    settings: list[tuple[int, Settings]] = field(default_factory=list)  # in force from a time on, ns
-    machine: Robot | None = field(default=None, compare=False)  # the last one
-
-    @property
-    def intervals(self) -> list[Interval]:
-        return [interval for part in self.parts for interval in part]
-
-    def note(self, turn: Judgement, part: int, ahead_ns: int) -> None:
-        """Add the interval that begins with a judgement."""
-        text = "; ".join(finding.text for finding in turn.findings)
-        since_ns = turn.since_ns + ahead_ns
-        self.parts[part].append(Interval(since_ns, turn.level, turn.causes, turn.latched, turn.event, text))
 
 
 class Sources(NamedTuple):

@@ -13,7 +13,8 @@ from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.core.margins import MARGIN_CAUSES
 from irsbot_supervisor.core.stopping import limits_of
 from irsbot_supervisor.replay.expectation import levels_of
-from irsbot_supervisor.replay.rejudge import Judged, Recording
+from irsbot_supervisor.replay.judged import Judged
+from irsbot_supervisor.replay.rejudge import Recording
 from irsbot_supervisor.replay.series import MARGINS, Series, SettingsInForce
 
 SAME_S = 1e-9

@@ -25,7 +25,7 @@ from irsbot_supervisor.core.supervisor import Supervisor
 from irsbot_supervisor.replay.quiet.strides import QuietRows, Strides
 
 if TYPE_CHECKING:
-    from irsbot_supervisor.replay.rejudge import Judged
+    from irsbot_supervisor.replay.judged import Judged
 
 Input = JointSample | Tick | Entry
 """An input of a supervisor, as the bag has it."""

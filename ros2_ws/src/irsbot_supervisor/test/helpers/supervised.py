@@ -13,7 +13,7 @@ from irsbot_supervisor.configuration.loading import read_settings, robot_of, shi
 from irsbot_supervisor.core.events import Configure, Event, Step
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.core.supervisor import Supervisor
-from irsbot_supervisor.replay.rejudge import Interval
+from irsbot_supervisor.replay.judged import Interval
 
 MS = 1_000_000
 """ns in a millisecond."""

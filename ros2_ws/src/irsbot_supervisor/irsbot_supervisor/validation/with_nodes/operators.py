@@ -146,8 +146,9 @@ def run_parameters(job: Job) -> Row:
             values = {entry.name: _value(rng, entry, settings) for entry in rng.sample(free, rng.randint(1, 3))}
             parameters = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
             result = tester.ask(client, SetParametersAtomically.Request(parameters=parameters)).result
+            read = {name: _as_declared(getattr(settings, name), value) for name, value in values.items()}
             try:
-                due = settings_from({**asdict(settings), **values}, robot) if _same_types(settings, values) else None
+                due = settings_from({**asdict(settings), **read}, robot) if _same_types(settings, read) else None
             except InvalidSettings:
                 due = None
             fault = "" if result.successful == (due is not None) else f"{values}: answered {result.successful}"
@@ -174,6 +175,11 @@ def _value(rng: random.Random, entry: Any, settings: Settings) -> Any:
         size = rng.choice((len(now), len(now), 1, 3))
         return [rng.choice([*choices, now[0], now[0]]) for _ in range(size)]
     return rng.choice([*choices, now * rng.uniform(0.8, 1.25), now * rng.uniform(0.8, 1.25), "word", 3])
+
+
+def _as_declared(now: Any, value: Any) -> Any:
+    """An integer stands for a number: the `ros2` tools send 3 where 3.0 is meant."""
+    return float(value) if type(now) is float and type(value) is int else value
 
 
 def _same_types(settings: Settings, values: dict[str, Any]) -> bool:
