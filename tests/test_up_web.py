@@ -33,11 +33,20 @@ WORD = "document.getElementById('word').textContent"
 POSTURE = "Live.rows.length && Live.rows.at(-1)[3].length"
 
 
+SLOW = """
+supervisor: {ros__parameters: {acceleration_limit: [10.0]}}
+simulated_joints: {ros__parameters: {acceleration_limit: [10.0]}}
+"""
+"""Drives that speed up slowly, rad/s2: samples that are late on a busy machine are no reason to latch a stop."""
+
+
 class Up:
     """`irsbot up --web`, again and again at the same port."""
 
     def __init__(self, folder: Path) -> None:
         self.domain, self._folder, self._runs = free_domain(), folder, 0
+        self._slow = folder / "slow.yaml"
+        self._slow.write_text(SLOW)
         with socket.socket() as probe:
             probe.bind(("localhost", 0))
             self.port = int(probe.getsockname()[1])
@@ -45,7 +54,7 @@ class Up:
     def start(self) -> None:
         self._runs += 1
         command = [*IRSBOT, "up", "--web", "--web-port", str(self.port), "--domain", str(self.domain)]
-        command += ["--out", str(self._folder / f"run{self._runs}")]
+        command += ["--out", str(self._folder / f"run{self._runs}"), "--params", str(self._slow)]
         self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         assert self.process.stdout is not None
         assert self.process.stdout.readline() == f"live page: http://localhost:{self.port}\n"
