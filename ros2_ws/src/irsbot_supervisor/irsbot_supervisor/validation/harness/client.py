@@ -110,10 +110,15 @@ class Tester:
 
     def reset_stop(self) -> None:
         """Request a reset of the latched stop in the newest verdict, if there is one. It may be refused."""
-        if self.verdicts and self.verdicts[-1].latched:
+        if self.verdicts:
+            self.reset(self.verdicts[-1])
+
+    def reset(self, verdict: Verdict) -> None:
+        """The same for the stop of a verdict, if it is latched."""
+        if verdict.latched:
             if self._reset is None:
                 self._reset = self.client(ResetStop, "supervisor/reset")
-            self.ask(self._reset, ResetStop.Request(event=self.verdicts[-1].event, operator_text="campaign"))
+            self.ask(self._reset, ResetStop.Request(event=verdict.event, operator_text="campaign"))
 
     def works(self, beats: int) -> bool:
         """True if this number of newest verdicts are all OK. A stop caused by a busy machine is reset."""

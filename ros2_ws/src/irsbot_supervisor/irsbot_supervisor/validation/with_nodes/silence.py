@@ -96,11 +96,14 @@ class Cell:
         self.pose = tuple(read_scenario("pick_and_place", self.robot).start)
 
     def settle(self) -> None:
-        """Wait until motion has been allowed for a while: no case inherits the effect of the one before."""
+        """Wait until motion has been allowed for a while: no case inherits the effect of the one before. A stop caused
+        by a busy machine is reset."""
         heard: list[Heard] = []
 
         def allowed() -> bool:
             heard.extend(self.ear.take())
+            if heard:
+                self.tester.reset(heard[-1].verdict)
             return len(heard) >= QUIET and all(one.verdict.level <= Level.WARN for one in heard[-QUIET:])
 
         self.tester.until(allowed, "leave to move")
