@@ -7,10 +7,10 @@ heard: Foxglove keeps showing the last one, so it has to be told of a silence.
 from __future__ import annotations
 
 import os
-import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 
 import foxglove
 from diagnostic_msgs.msg import DiagnosticArray
@@ -18,10 +18,10 @@ from irsbot_msgs.msg import SingularityState, Verdict
 from rclpy.subscription import Subscription
 from visualization_msgs.msg import MarkerArray
 
-from irsbot_msgs_py.process.run import USAGE
 from irsbot_msgs_py.records import CONSUMER_TIMEOUT_S
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.bag.message_definitions import definition
+from irsbot_supervisor.live.serving import serve_node
 from irsbot_supervisor.processes.polling import NEWEST, Polling, taken, waited_ns
 
 LOOK_S = 1.0 / 30.0
@@ -114,13 +114,7 @@ def run(listener: Polling, host: str, port: int, told: Callable[[str], None]) ->
 def main() -> None:
     """The server as a node of a suite. Parameters: `host` and `port`."""
     with Polling(int(os.environ.get("ROS_DOMAIN_ID", "0")), "", "foxglove") as listener:
-        host = str(listener.node.declare_parameter("host", "localhost").value)
-        port = int(listener.node.declare_parameter("port", 0).value)
-        try:
-            run(listener, host, port, lambda address: print(address, flush=True))
-        except OSError as error:
-            print(f"nothing served at {host}:{port}: {error}", file=sys.stderr)
-            sys.exit(USAGE)
+        serve_node(listener.node, partial(run, listener), "nothing served")
 
 
 if __name__ == "__main__":

@@ -11,7 +11,6 @@ import contextlib
 import ipaddress
 import os
 import socket
-import sys
 import time
 from collections.abc import Callable
 from functools import partial
@@ -24,7 +23,6 @@ from websockets.asyncio.server import Server, ServerConnection, serve
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
-from irsbot_msgs_py.process.run import USAGE
 from irsbot_msgs_py.records import SingularityState
 from irsbot_supervisor.live.feed import Feed, Known
 from irsbot_supervisor.live.scene import Scene, drawn
@@ -142,16 +140,11 @@ def run(listener: Monitor, host: str, port: int, told: Callable[[str], None]) ->
 
 def main() -> None:
     """The page as a node of a suite. Parameters: `host` and `port`."""
-    from irsbot_supervisor.processes.monitoring import Monitor  # needs ROS
+    from irsbot_supervisor.live.serving import serve_node  # needs ROS, and so does the next
+    from irsbot_supervisor.processes.monitoring import Monitor
 
     with Monitor(int(os.environ.get("ROS_DOMAIN_ID", "0")), name="live_page") as listener:
-        host = str(listener.node.declare_parameter("host", "localhost").value)
-        port = int(listener.node.declare_parameter("port", 0).value)
-        try:
-            run(listener, host, port, lambda address: print(address, flush=True))
-        except OSError as error:
-            print(f"no page at {host}:{port}: {error.strerror or error}", file=sys.stderr)
-            sys.exit(USAGE)
+        serve_node(listener.node, partial(run, listener), "no page")
 
 
 if __name__ == "__main__":
