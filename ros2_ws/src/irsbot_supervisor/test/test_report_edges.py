@@ -32,8 +32,6 @@ def samples() -> list[JointSample]:
 
 @pytest.fixture(scope="module")
 def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    if PROGRAM is None:
-        pytest.skip("needs Chromium: apt install chromium")
     with Browser(tmp_path_factory.mktemp("profile")) as one:
         yield one
 
@@ -82,6 +80,7 @@ EDGES = {
 """Runs, and what their page says."""
 
 
+@pytest.mark.skipif(PROGRAM is None, reason="needs Chromium: apt install chromium")
 @pytest.mark.parametrize("edge", EDGES, ids=[edge.__name__ for edge in EDGES])
 def test_a_run_at_the_edge_has_a_page_that_says_so(
     edge: Callable[[Path, list[JointSample]], Path], samples: list[JointSample], browser: Browser, tmp_path: Path

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from operator import ge, le, sub
+from operator import ge
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ from irsbot_msgs_py.records import JointSample
 from irsbot_supervisor.bag.joint_columns import JointColumns, Times, Values
 from irsbot_supervisor.core.margins import Margins
 from irsbot_supervisor.core.settings import UNTRUSTED
-from irsbot_supervisor.core.stopping import StoppingPredictor, limits_of, release_of
+from irsbot_supervisor.core.stopping import limits_of, release_of
 from irsbot_supervisor.core.supervisor import Supervisor
 from irsbot_supervisor.replay.quiet.handover import agrees, hand_over, history, is_quiet
 from irsbot_supervisor.replay.quiet.motion import History, Motion, MotionColumns, selected
@@ -154,17 +154,18 @@ class Strides:
         predictor, at = self._supervisor._predictor, self._supervisor._at
         assert at is not None
         rows = begin + np.flatnonzero(~first[begin:end])
-        boxes = zip(rows.tolist(), motion.low[rows].tolist(), motion.high[rows].tolist(), strict=True)
+        ends = [map(tuple, side[rows].tolist()) for side in (motion.low, motion.high)]
+        boxes = zip(rows.tolist(), *ends, strict=True)
         served: list[Margins] = []
-        box = _Served(predictor)
+        known = predictor._known
         for row, low, high in boxes:
-            if not box.holds(low, high):
-                predictor._sampled(at, tuple(low), tuple(high))
-                box = _Served(predictor)
-            if not box.proves(self._warn):
+            if known is None or not known.serves(low, high):
+                predictor._sampled(at, low, high)
+                known = predictor._known
+            if known is None or not all(map(ge, known.certified, self._warn)):
                 end = row
                 break
-            served.append(box.certified)
+            served.append(known.certified)
         if served:
             certified[rows[: len(served)]] = served
         return end
@@ -174,27 +175,3 @@ def _ascending(stamps: Times, before: History) -> int:
     """Number of samples whose stamps are newer than all before: rows are searched by stamp."""
     back = np.diff(stamps, prepend=before.stamp_ns[-1]) <= 0
     return int(back.argmax()) if back.any() else len(stamps)
-
-
-class _Served:
-    """The box that a predictor remembers."""
-
-    def __init__(self, predictor: StoppingPredictor) -> None:
-        known = predictor._known
-        self._none = known is None
-        if known is not None:
-            self._low, self._high, self.certified, self._least = known
-
-    def holds(self, low: list[float], high: list[float]) -> bool:
-        """True if the predictor uses it for another box, see `Known.serves`."""
-        if self._none:
-            return False
-        return (
-            all(map(le, self._low, low))
-            and all(map(ge, self._high, high))
-            and all(map(ge, map(sub, high, low), self._least))
-        )
-
-    def proves(self, limits: Margins) -> bool:
-        """True if its bounds are at least the limits."""
-        return all(map(ge, self.certified, limits))
