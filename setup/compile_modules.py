@@ -9,6 +9,7 @@ from the same sources is left as it is.
 
 from __future__ import annotations
 
+import hashlib
 import shutil
 import subprocess
 import sys
@@ -34,6 +35,9 @@ GROUPS = {
     ),
 }
 """Modules that are compiled together: calls within a group are as cheap as in C. Two groups compile side by side."""
+
+TOOLS = ("compile_modules.py", "specialise.py")
+"""Modules whose change compiles everything again, as a change of a source does."""
 
 INDEX = "irsbot_compiled.py"
 """The index: folder of the compiled form, and its sources."""
@@ -67,7 +71,7 @@ def main(source: Path, target: Path) -> None:
     groups = {name: files_of(source, patterns) for name, patterns in GROUPS.items()}
     everything = [file for files in groups.values() for file in files]
     names = {file: name_of(source, file) for file in everything}
-    made = target / digest(source)
+    made = target / folder_name(source)
     if not made.is_dir():
         target.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=target) as folder:
@@ -83,6 +87,12 @@ def main(source: Path, target: Path) -> None:
     for older in target.iterdir():
         if older.is_dir() and older != made:
             shutil.rmtree(older)
+
+
+def folder_name(source: Path) -> str:
+    """Name of the folder of compiled forms: digest of the sources, then of the modules that compile them."""
+    tools = hashlib.sha256(b"".join(Path(__file__).with_name(name).read_bytes() for name in TOOLS))
+    return f"{digest(source)}-{tools.hexdigest()[:8]}"
 
 
 def digest(source: Path) -> str:

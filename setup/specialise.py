@@ -28,6 +28,10 @@ ARITHMETIC = f"{KINEMATICS}.numerics.arithmetic"
 WITHOUT_NUMBERS = ("Arithmetic", "Legs")
 """Generic classes that lose their parameter in the compiled form."""
 
+COPIED = "serializable=True, allow_interpreted_subclasses=True"
+"""Attributes of classes of the core: supervisors are copied to try several futures. Without the second one, mypyc 2.4
+calls no `__init__` of a class that has the first one."""
+
 FOLLOW = """
 
 def _follow(cls: Any) -> None:
@@ -78,7 +82,9 @@ def specialised(name: str, source: str, known: set[str]) -> str:
     """The module with both forms. known: names of all functions on `N`, of every module."""
     lines = source.splitlines(keepends=True)
     if name.startswith(f"{KINEMATICS}."):
-        _open_classes(source, lines)
+        _mark_classes(source, lines, "native_class=False")  # others derive from them; attributes are found once
+    else:
+        _mark_classes(source, lines, COPIED)
     own = generics(source)
     ends = {entry.node.end_lineno: entry for entry in own.values()}
     written: list[str] = []
@@ -95,14 +101,13 @@ def specialised(name: str, source: str, known: set[str]) -> str:
     return _with_header(name, "".join(written))
 
 
-def _open_classes(source: str, lines: list[str]) -> None:
-    """Keep the classes of mechanisms as Python classes: others may derive from them, and their attributes are found
-    once."""
+def _mark_classes(source: str, lines: list[str], attribute: str) -> None:
+    """Give the classes of a module an attribute of the compiler."""
     for node in ast.parse(source).body:
         bases = {ast.unparse(base) for base in getattr(node, "bases", ())}
         if isinstance(node, ast.ClassDef) and not bases & {"NamedTuple", "IntEnum"}:
             first = min([node.lineno, *[decorator.lineno for decorator in node.decorator_list]]) - 1
-            lines[first] = f"@mypyc_attr(native_class=False)\n{lines[first]}"
+            lines[first] = f"@mypyc_attr({attribute})\n{lines[first]}"
 
 
 def _float_form(text: str, entry: Generic, known: set[str]) -> str:

@@ -62,6 +62,26 @@ def test_a_function_on_numbers_is_called_for_floats_where_floats_are_named():
     assert "floats__sin(x) + x" in text
 
 
+def test_classes_of_the_core_can_be_copied_and_those_of_mechanisms_derived_from():
+    source = "from __future__ import annotations\n\n\nclass Kept:\n    pass\n"
+    assert "@mypyc_attr(serializable=True, allow_interpreted_subclasses=True)\nclass Kept:" in specialise.specialised(
+        "toy", source, set()
+    )
+    text = specialise.specialised("irsbot_kinematics.toy", source, set())
+    assert "@mypyc_attr(native_class=False)\nclass Kept:" in text
+
+
+def test_another_compiler_of_ours_means_another_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    for name in compile_modules.TOOLS:
+        (tmp_path / name).write_bytes((ROOT / "setup" / name).read_bytes())
+    monkeypatch.setattr(compile_modules, "__file__", str(tmp_path / "compile_modules.py"))
+    before = compile_modules.folder_name(SOURCE)
+    assert before.startswith(f"{compile_modules.digest(SOURCE)}-")
+    with (tmp_path / "specialise.py").open("a") as file:
+        file.write("# changed\n")
+    assert compile_modules.folder_name(SOURCE) != before
+
+
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A folder of compiled modules, as the set-up makes it, that is first on the path."""
@@ -82,7 +102,7 @@ def put(folder: Path, digest: str, sources: list[str]) -> None:
 
 def test_compiled_forms_are_found_only_for_the_sources_they_were_made_of(folder: Path):
     sources = ["irsbot_kinematics.statics"]
-    put(folder, compiled.digest(sources), sources)
+    put(folder, f"{compiled.digest(sources)}-tools", sources)
     compiled.prefer()
     assert compiled.are_used()
     found = importlib.util.find_spec("irsbot_kinematics.errors")
@@ -113,12 +133,47 @@ def test_the_switch_means_plain_python(folder: Path, monkeypatch: pytest.MonkeyP
     assert not compiled.are_used()
 
 
-def test_compiled_modules_give_the_results_of_plain_python():
-    if not (ROOT / "ros2_ws" / "compiled" / compile_modules.digest(SOURCE)).is_dir():
-        pytest.skip("not compiled, or sources have changed since: ./irsbot setup compiles them")
-    path = [ROOT / "ros2_ws" / "compiled", *[SOURCE / name for name in compile_modules.PACKAGES]]
+needs_compiled = pytest.mark.skipif(
+    not (ROOT / "ros2_ws" / "compiled" / compile_modules.folder_name(SOURCE)).is_dir(),
+    reason="not compiled, or sources have changed since: ./irsbot setup --compiled",
+)
+
+
+def compiled_run(*command: str) -> str:
+    """What Python prints on compiled modules."""
+    path = [ROOT / "ros2_ws" / "compiled", *[SOURCE / name for name in compile_modules.PACKAGES], HELPERS]
     env = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, path))}
-    command = [sys.executable, str(CAMPAIGN), "--samples", "480", "--parts", "postures", "streams"]
-    done = subprocess.run(command, env=env, capture_output=True, text=True, timeout=240)
+    done = subprocess.run([sys.executable, *command], env=env, capture_output=True, text=True, timeout=240)
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "0 differ" in done.stdout
+    return done.stdout
+
+
+@needs_compiled
+def test_compiled_modules_give_the_results_of_plain_python():
+    out = compiled_run(str(CAMPAIGN), "--samples", "480", "--parts", "postures", "streams")
+    assert "0 differ" in out
+
+
+COPIED = """
+from copy import deepcopy
+
+from irsbot_kinematics import compiled
+from supervised import ready, sample
+
+assert compiled.are_used()
+first, place = ready("{robot}", {pose})
+moved = [sample(k, [q + 2e-6 * k * k for q in place]) for k in range(80)]
+for one in moved[:40]:
+    first.step(one)
+second = deepcopy(first)
+theirs = [first.step(one) for one in moved[40:]]
+assert repr([second.step(one) for one in moved[40:]]) == repr(theirs)  # NaN included
+print("equal")
+"""
+HELPERS = SOURCE / "irsbot_supervisor" / "test" / "helpers"
+
+
+@needs_compiled
+@pytest.mark.parametrize(("robot", "pose"), [("irsbot2", "(0.0, -0.85)"), ("orthoglide", "(0.0, 0.0, 0.0)")])
+def test_a_copy_of_a_compiled_supervisor_goes_on_as_the_first_one(robot: str, pose: str):
+    assert compiled_run("-c", COPIED.format(robot=robot, pose=pose)) == "equal\n"

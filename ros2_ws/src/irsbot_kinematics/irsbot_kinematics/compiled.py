@@ -18,7 +18,8 @@ from pathlib import Path
 from types import ModuleType
 
 INDEX = "irsbot_compiled"
-"""Module that the set-up writes: SOURCES, the names of the modules, and FOLDER, the folder of their compiled forms."""
+"""Module that the set-up writes: SOURCES, the names of the modules, and FOLDER, the folder of their compiled forms. Its
+name begins with the digest of the sources."""
 
 SWITCH = "IRSBOT_PLAIN"
 """Any text selects plain Python."""
@@ -49,7 +50,7 @@ def prefer() -> None:
         index = import_module(INDEX)
     except ImportError:
         return
-    if digest(index.SOURCES) == index.FOLDER.name:
+    if digest(index.SOURCES) == index.FOLDER.name.partition("-")[0]:
         sys.meta_path.insert(0, Finder(index.FOLDER))
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
 from collections.abc import Callable
 from dataclasses import replace
@@ -14,9 +13,8 @@ import numpy as np
 import pytest
 from command import IRSBOT, PATIENCE_S
 from fake_supervisors import FakeTimidSupervisor
-from rows_for_tests import break_down, not_met, plainness
+from rows_for_tests import break_down, not_met
 
-from irsbot_kinematics.compiled import SWITCH
 from irsbot_msgs_py.records import Level
 from irsbot_supervisor.configuration.loading import read_settings
 from irsbot_supervisor.core import assessment, margins
@@ -261,18 +259,3 @@ def test_a_row_that_breaks_down_is_a_row_that_is_not_met() -> None:
     assert not worse.ok
     assert worse.note == "ValueError: out of luck"
     assert (bad.amount, bad.unsafe, bad.failed, bad.note, bad.ok) == (3, 1, 1, "allowed", False)
-
-
-def test_rows_that_copy_supervisors_run_in_plain_python_and_rows_with_nodes_as_installed(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.delenv(SWITCH, raising=False)
-    orders = [Order(Entry("row", "", 1, 1, plainness, needs_ros=nodes), 1, 1) for nodes in (False, True)]
-    plain, installed = run_rows(orders, 1, lambda name, number: None)
-    assert plain.name
-    assert not installed.name
-    assert SWITCH not in os.environ
-
-
-def test_a_row_without_cases_is_not_met() -> None:
-    assert not Row("empty", 0, 0, 0, {}).ok

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import multiprocessing
-import os
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from time import monotonic
 from typing import NamedTuple
 
-from irsbot_kinematics.compiled import SWITCH
 from irsbot_supervisor.validation.harness.rows import Entry, Job, Row
 
 TELL_S = 0.2
@@ -40,8 +37,7 @@ def run_rows(orders: Sequence[Order], jobs: int, progress: Progress) -> Iterator
                 order = waiting.pop()
                 ours, theirs = context.Pipe(duplex=False)
                 process = context.Process(target=_work, args=(order, theirs), daemon=False)
-                with _modules_for(order.entry):
-                    process.start()
+                process.start()
                 theirs.close()
                 running[ours] = process, order
             for ready in wait(list(running)):
@@ -60,21 +56,6 @@ def run_rows(orders: Sequence[Order], jobs: int, progress: Progress) -> Iterator
             process.terminate()
             process.join()
             connection.close()
-
-
-@contextmanager
-def _modules_for(entry: Entry) -> Iterator[None]:
-    """Environment of a row's process. Rows without nodes copy supervisors, which compiled modules cannot: they run in
-    plain Python. Nodes run as they are installed."""
-    before = os.environ.get(SWITCH)
-    if not entry.needs_ros:
-        os.environ[SWITCH] = "1"
-    try:
-        yield
-    finally:
-        os.environ.pop(SWITCH, None)
-        if before is not None:
-            os.environ[SWITCH] = before
 
 
 def _hear(connection: Connection) -> int | Row | None:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-
-from irsbot_kinematics.compiled import SWITCH
 from irsbot_supervisor.validation.harness.rows import Job, Row, Tally
 
 
@@ -16,11 +13,5 @@ def not_met(work: Job) -> Row:
     tally = Tally("bad", work)
     tally.case(unsafe="allowed")
     tally.case(failed="late")
-    tally.case()
-    return tally.row()
-
-
-def plainness(work: Job) -> Row:
-    tally = Tally(os.environ.get(SWITCH, ""), work)
     tally.case()
     return tally.row()
