@@ -9,6 +9,7 @@ from irsbot2_3d import Design
 from postures import NAMES, ROBOTS, apart, joint_range, near, random_joints
 
 import irsbot_kinematics as irs
+from irsbot_kinematics.bounds.displacement import least_cosine
 
 ROUNDING = 1e-10
 """A bound is exact to rounding where the box is a point; samples are computed with rounding of their own."""
@@ -211,3 +212,33 @@ def test_a_box_that_is_smaller_than_any_motion_loses_nothing(name, travel):
         found = robot.mechanism.certified_bounds(at, (travel,) * len(at.joints))
         assert found.type2 == pytest.approx(at.type2, abs=1e-9)
         assert found.type1 == pytest.approx(at.type1, abs=1e-9)
+
+
+def whole(n: int, seed: int) -> tuple[list[list[tuple[float, ...]]], list[float]]:
+    """Velocities and turns of a rigid planar platform on n rods, by numpy alone."""
+    rng = np.random.default_rng(seed)
+    rods, arms = rng.uniform(0.0, 2.0 * np.pi, n), rng.uniform(-0.2, 0.2, (n, 2))
+    rows = np.array(
+        [[np.cos(a), np.sin(a), x * np.sin(a) - y * np.cos(a)] for a, (x, y) in zip(rods, arms, strict=True)]
+    )
+    twists = np.linalg.inv(rows).T
+    velocities = [[(t[0] - t[2] * y, t[1] + t[2] * x) for x, y in arms.tolist()] for t in twists.tolist()]
+    return velocities, np.abs(twists[:, 2]).tolist()
+
+
+def test_the_least_cosine_of_rods_that_keep_their_directions_is_the_smallest_cosine():
+    for seed in range(20):
+        velocities, turns = whole(3, seed)
+        cosines = [1.0 / np.hypot(*velocities[i][i]) for i in range(3)]
+        assert least_cosine(velocities, turns, [0.0] * 3, 0.0) == pytest.approx(min(cosines), rel=1e-12)
+
+
+def test_the_least_cosine_with_a_number_missing_proves_nothing():
+    velocities, turns = whole(3, 1)
+    assert least_cosine(velocities, turns, [1e-3] * 3, 1e-6) > 0.0
+    for j, i in np.ndindex(3, 3):
+        broken = [list(row) for row in velocities]
+        broken[j][i] = (np.nan, 0.0)
+        assert least_cosine(broken, turns, [1e-3] * 3, 1e-6) == 0.0
+    assert least_cosine(velocities, turns, [np.nan, 0.0, 0.0], 0.0) == 0.0
+    assert least_cosine(velocities, [0.0, np.nan, 0.0], [0.0] * 3, 0.0) == 0.0

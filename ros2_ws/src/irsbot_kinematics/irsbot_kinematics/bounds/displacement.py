@@ -19,9 +19,7 @@ the plane falls by at most v + w; a vector changed by a share u < 1 of its size 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from math import asin, hypot, inf, pi, sin, sqrt
-from operator import mul
 from typing import NamedTuple
 
 BALANCE = 0.1
@@ -81,7 +79,7 @@ def displacement_and_turn(
 
 
 def least_cosine(
-    velocities: Sequence[Sequence[Sequence[float]]], turns: Sequence[float], angles: Sequence[float], arm: float
+    velocities: list[list[tuple[float, ...]]], turns: list[float], angles: list[float], arm: float
 ) -> float:
     """Smallest cos alpha while rod j turns by at most angles[j], seen from the platform, and every place at which a leg
     holds the platform is off by at most `arm`; 0 where that proves nothing.
@@ -91,41 +89,52 @@ def least_cosine(
     A rod's change is across it but for half the square of its angle, and r_j . velocities[k][j] is 1 for k = j, else 0;
     so |F_jk| is at most G_jk below, and (1 + F)^-1 differs from 1 in column i by at most the sum of G^m, m > 0.
     """
-    legs = range(len(turns))
-    G = [
-        [
-            angles[j] * sqrt(max(_square(velocities[k][j]) - (j == k), 0.0))
-            + (0.5 * angles[j] * angles[j] if j == k else 0.0)
-            + arm * turns[k]
-            for k in legs
-        ]
-        for j in legs
-    ]
-    norm = max(map(sum, G))
-    if not norm < 1.0:
-        return 0.0
+    n = len(turns)
+    G, norm = [], 0.0
+    for j in range(n):
+        angle, row, total = angles[j], [], 0.0
+        for k in range(n):
+            square = -1.0 if j == k else 0.0
+            for x in velocities[k][j]:
+                square += x * x
+            entry = angle * sqrt(max(square, 0.0)) + arm * turns[k]
+            if j == k:
+                entry += 0.5 * angle * angle
+            row.append(entry)
+            total += entry
+        if not total < 1.0:
+            return 0.0
+        G.append(row)
+        norm = max(norm, total)
     largest = 0.0
-    for i in legs:
-        first = [row[i] for row in G]
-        rest = norm * norm / (1.0 - norm) * max(first)
-        change = [f + sum(map(mul, row, first), 0.0) + rest for f, row in zip(first, G, strict=True)]
-        own = velocities[i][i]
-        size = sqrt(_square(own))
+    for i in range(n):
+        own, square, most = velocities[i][i], 0.0, 0.0
+        for x in own:
+            square += x * x
+        size = sqrt(square)
         if not size > 0.0:
             return 0.0
+        for row in G:
+            most = max(most, row[i])
+        rest = norm * norm / (1.0 - norm) * most
         along, across, turn = size, 0.0, turns[i]
-        for j in legs:
-            part = abs(sum(map(mul, velocities[j][i], own), 0.0)) / size
-            along += change[j] * part
-            across += change[j] * sqrt(max(_square(velocities[j][i]) - part * part, 0.0))
-            turn += change[j] * turns[j]
-        largest = max(largest, hypot(along, across) + arm * turn)
+        for j in range(n):
+            row, other = G[j], velocities[j][i]
+            change, part, square = row[i] + rest, 0.0, 0.0
+            for k in range(n):
+                change += row[k] * G[k][i]
+            for d in range(len(own)):
+                part += other[d] * own[d]
+                square += other[d] * other[d]
+            part = abs(part) / size
+            along += change * part
+            across += change * sqrt(max(square - part * part, 0.0))
+            turn += change * turns[j]
+        bound = hypot(along, across) + arm * turn
+        if not bound < inf:
+            return 0.0
+        largest = max(largest, bound)
     return min(1.0 / largest, 1.0)
-
-
-def _square(vector: Sequence[float]) -> float:
-    total: float = sum(map(mul, vector, vector), 0.0)
-    return total
 
 
 def lowered(sine: float, turn: float, share: float = 0.0) -> float:

@@ -313,8 +313,8 @@ class DeltaFamily(Mechanism):
             type2 = sin(left) if left > 0.0 else 0.0
         if slack_m:
             _, columns = statics.cofactors(at.screws)
-            ways = [[[value / at.det for value in column]] * 3 for column in columns]
-            type2 = max(type2, least_cosine(ways, (0.0, 0.0, 0.0), (turn1, turn2, turn3), 0.0))
+            ways = [[tuple([value / at.det for value in column])] * 3 for column in columns]
+            type2 = max(type2, least_cosine(ways, [0.0, 0.0, 0.0], [turn1, turn2, turn3], 0.0))
         a1 = a2 = a3 = move
         if slack_m:
             a1, a2, a3 = [move + error for error in self.rail_errors(at, slack_m)]

@@ -37,6 +37,14 @@ def column_sizes(screws: Sequence[Floats]) -> Floats:
     return (*[hypot(*column[:-1]) for column in columns], *[abs(column[-1]) for column in columns])
 
 
+def _velocities(column: Floats, det: float, attachments: Sequence[Floats]) -> list[Floats]:
+    """Velocities, 1, of the places at which the legs hold the platform, from a column of adj(A)."""
+    vx, vy, w = column[0], column[1], column[-1]
+    if len(column) == 3:
+        return [((vx - w * ay) / det, (vy + w * ax) / det) for ax, ay in attachments]
+    return [((vx - w * ay) / det, (vy + w * ax) / det, column[2] / det) for ax, ay in attachments]
+
+
 class TurningPlatform(Mechanism):
     """Certified bounds for mechanisms whose platform turns."""
 
@@ -118,19 +126,25 @@ class TurningPlatform(Mechanism):
         if not (d + t < inf and min(travel) >= 0.0 and slack_m >= 0.0):
             return self._nothing(n)
         det, columns = statics.cofactors(at.screws)
-        velocities = [
-            [((vx - w * ay) / det, (vy + w * ax) / det, *[vz / det for vz in up]) for ax, ay in at.attachments]
-            for vx, vy, *up, w in columns
-        ]
+        velocities = [_velocities(column, det, at.attachments) for column in columns]
         turns = [abs(column[-1] / det) for column in columns]
         bend = 0.5 * self.radius * t * t
-        most = d + self.radius * t + asked.path
+        end = d + self.radius * t
+        most = end + asked.path
         drives = [drive + 0.5 * most * most / asked.rod + bend for drive in asked.drives]
-        t = min(t, sum(map(mul, turns, drives), 0.0))
+        turned = 0.0
+        for turn, drive in zip(turns, drives, strict=True):
+            turned += turn * drive
+        t = min(t, turned)
         angles = []
         for i in range(n):
-            moved = sum([hypot(*velocities[j][i]) * drives[j] for j in range(n)], 0.0) + bend
-            share = (min(moved, d + self.radius * t) + asked.path) / asked.rod
+            moved = bend
+            for alone, drive in zip(velocities, drives, strict=True):
+                square = 0.0
+                for x in alone[i]:
+                    square += x * x
+                moved += sqrt(square) * drive
+            share = (min(moved, end) + asked.path) / asked.rod
             if not share < 1.0:
                 return self._nothing(n)
             angles.append(asin(share))
