@@ -20,7 +20,13 @@ from irsbot_supervisor.validation.harness.stream import PERIOD_NS, WARM_UP, Inpu
 from irsbot_supervisor.validation.in_process.reachable import least_margins
 
 NAME = "stamps"
-MUST = "beyond the limits UNKNOWN at once; repeated or out of order counted, adds nothing; recovery <= 0.5 s"
+MUST = (
+    "beyond the limits UNKNOWN at once; repeated or out of order counted, adds nothing; recovery <= 0.5 s; "
+    "a reset is enough where a stamp that is off by more than stamp_jitter_s stops a robot"
+)
+STAMP_STOPS = "stops by one wrong stamp"
+"""Figure: after it the speed of the joints is not known, and a robot is stopped that cannot be shown to stop in time
+from full speed."""
 
 PERIODS = 200
 """Length of each fault, in periods."""
@@ -61,7 +67,8 @@ def duplicate(case: Case) -> Fault:
 
 def swapped(case: Case) -> Fault:
     """Two samples in a row arrive together, each with the stamp of the other."""
-    return _harmless(case, _pairs(lambda a, b: [a._replace(stamp_ns=b.stamp_ns), b._replace(stamp_ns=a.stamp_ns)]), 0)
+    exchanged = _pairs(lambda a, b: [a._replace(stamp_ns=b.stamp_ns), b._replace(stamp_ns=a.stamp_ns)])
+    return _harmless(case, exchanged, 0, wrong_stamp=True)
 
 
 def overtaken(case: Case) -> Fault:
@@ -92,7 +99,11 @@ def future(case: Case) -> Fault:
     """Stamps lie in the future; a small lead is allowed."""
     ahead_ns = _shift_ns(case)
     if ahead_ns <= case.stream.settings.future_limit_s * NS_PER_S:
-        return _harmless(case, lambda stream: [stream.sample()._replace(stamp_ns=stream.received_ns + ahead_ns)], 0)
+
+        def ahead(stream: InputStream) -> list[JointSample]:
+            return [stream.sample()._replace(stamp_ns=stream.received_ns + ahead_ns)]
+
+        return _harmless(case, ahead, 0, wrong_stamp=True)
     return _beyond(case, lambda stream: stream.sample()._replace(stamp_ns=stream.received_ns + ahead_ns))
 
 
@@ -135,7 +146,7 @@ def step_forward(case: Case) -> Fault:
         stream.ros_shift_ns = step_ns
         return [stream.sample()]
 
-    return _harmless(case, stepped, 0)
+    return _harmless(case, stepped, 0, wrong_stamp=True)
 
 
 def step_back(case: Case) -> Fault:
@@ -183,8 +194,11 @@ def put_back(case: Case) -> Fault:
     return case.unsafe, "" if held else "a robot that was put somewhere else is not latched"
 
 
-def _harmless(case: Case, make: Callable[[InputStream], Sequence[JointSample]], count: int) -> Fault:
-    """Feed samples that must not cause a stop. count: least number of them that must be counted as rejected."""
+def _harmless(
+    case: Case, make: Callable[[InputStream], Sequence[JointSample]], count: int, *, wrong_stamp: bool = False
+) -> Fault:
+    """Feed samples that must not cause a stop. count: least number of them that must be counted as rejected.
+    wrong_stamp: stamps are off by more than `stamp_jitter_s` once, so that the speed is not known for a while."""
     stream = case.stream
     stream.run(WARM_UP)
     counted = _counted(stream)
@@ -192,6 +206,9 @@ def _harmless(case: Case, make: Callable[[InputStream], Sequence[JointSample]], 
         stream.advance()
         stream.deliver(make(stream))
         if not stream.moves:
+            if wrong_stamp:
+                case.tally.add(STAMP_STOPS)
+                return "", case.recovered()
             case.tally.add(FALSE_STOPS)
             return "", f"stopped: {stream.verdict.text if stream.verdict else ''}"
     failed = "" if _counted(stream) - counted >= count else f"{_counted(stream) - counted} counted of {count}"
@@ -215,13 +232,17 @@ def _beyond(case: Case, make: Callable[[InputStream], JointSample]) -> Fault:
 
 def _settles(case: Case) -> str:
     """Feed true samples after a clock was set: returns why motion is not allowed in time and for good, or empty. The
-    branch may be lost, and needs a reset, if a singularity was within reach during the silence."""
+    branch may be lost, and needs a reset, if a singularity was within reach during the silence; so does a stop
+    because the speed is not known after the step."""
     stream, begin_ns = case.stream, case.stream.now_ns
     last_ns = begin_ns
     for _ in range(round(RECOVERY_LIMIT_S * NS_PER_S / PERIOD_NS) + PERIODS):
         stream.run(1)
         if stream.verdict is not None and stream.verdict.latched and stream.verdict.causes & Cause.BRANCH:
             return case.recovered() if _near_type2(stream) else "the branch is lost, and no singularity was near"
+        if stream.verdict is not None and stream.verdict.latched:
+            case.tally.add(STAMP_STOPS)
+            return case.recovered()
         last_ns = last_ns if stream.moves else stream.now_ns
     case.tally.largest(RECOVERY_S, (last_ns - begin_ns) / NS_PER_S)
     return (
