@@ -33,6 +33,7 @@ setup(
     ],
     extras_require={
         "foxglove": ["foxglove-sdk"],
+        "pinocchio": ["pin"],  # which `bench` compares with
         "test": ["pytest"],  # by which `colcon test` knows what to run
     },
     zip_safe=False,

@@ -6,13 +6,17 @@ import json
 import subprocess
 import sys
 from math import nan
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 from irsbot_supervisor.sim.scenario_file import scenario_robots
+from irsbot_supervisor.validation.bench import history, loop_closure, noise
+from irsbot_supervisor.validation.bench.loop_closure import LoopClosure
 from irsbot_supervisor.validation.bench.one_sample import OneSample
+from irsbot_supervisor.validation.bench.recorder import Recorder
 from irsbot_supervisor.validation.bench.report import Measured, Row, rows
 from irsbot_supervisor.validation.bench.transport import RAW, SUPERVISED, TYPED, Run, match
 
@@ -110,11 +114,97 @@ def test_a_goal_is_met_at_its_limit_and_never_by_nan(at_least: bool, measured: f
 
 
 def test_the_default_robot_and_the_slowest_other_one_are_judged() -> None:
-    results = [OneSample(name, 10, median, median, 99.0) for name, median in (("a", 9.0), ("b", 3.0), ("c", 26.0))]
-    found = {row.what: row for row in rows(Measured(one_sample=results))}
-    assert found["one step, median, a"].met
-    assert found["one step, worst, a"].measured == 99.0
-    assert not found["one step, median, slowest other robot (c)"].met
+    medians = (("a", 9.0), ("b", 3.0), ("c", 26.0))
+    plain = [OneSample(name, 10, median, median, 99.0) for name, median in medians]
+    found = {row.what: row for row in rows(Measured(one_sample=plain))}
+    assert found["one step, median, a, plain"].met
+    assert found["one step, worst, a, plain"].measured == 99.0
+    compiled = [result._replace(compiled=True) for result in plain]
+    found = {row.what: row for row in rows(Measured(one_sample=compiled))}
+    assert not found["one step, median, a, compiled"].met
+    assert not found["one step, median, slowest other robot (c), compiled"].met
+
+
+def test_the_recorder_is_compared_at_3000_messages_per_second() -> None:
+    found = {row.what: row for row in rows(Measured(recorder=Recorder(2000.0, 11.0, 0.0009, 0.06, 290_000.0)))}
+    share = found["recorder, of one core at 3000 messages/s"]
+    assert share.measured == pytest.approx(3.3)
+    assert [row.met for row in found.values()] == [False, False, True, False]
+
+
+def test_pinocchio_has_goals_only_where_it_is_installed() -> None:
+    assert rows(Measured(loop_closure=LoopClosure(10, 5.0, 0.1, nan, nan))) == []
+    found = rows(Measured(loop_closure=LoopClosure(10, 5.0, 0.1, 60.0, 0.0)))
+    assert [row.measured for row in found] == pytest.approx([12.0, 600.0])
+    assert [row.met for row in found] == [True, False]
+
+
+def test_pinocchio_closes_the_loop_at_the_same_poses() -> None:
+    pytest.importorskip("pinocchio", reason="only compared with where it is installed: pip install pin")
+    assert loop_closure.measure(lambda _text: None, quick=True).difference_m < 1e-9
+
+
+# --- other processes ----------------------------------------------------------------------------------------------
+
+
+def test_what_others_take_is_the_busy_time_that_is_not_ours(monkeypatch: pytest.MonkeyPatch) -> None:
+    busy, own, now = iter((100.0, 112.0)), iter((10.0, 17.0)), iter((0.0, 10.0))
+    monkeypatch.setattr(noise, "_busy_s", lambda: next(busy))
+    monkeypatch.setattr(noise, "_own_s", lambda: next(own))
+    monkeypatch.setattr(noise.time, "monotonic", lambda: next(now))
+    with noise.Others() as others:
+        assert not others.quiet, "unknown before the end"
+    assert others.cores == pytest.approx(0.5)
+    assert not others.quiet
+
+
+def test_our_own_work_is_ours() -> None:
+    begin = noise._own_s(), noise._busy_s()
+    subprocess.run([sys.executable, "-c", "sum(i * i for i in range(10**6))"], check=True)
+    assert noise._own_s() > begin[0], "a child that has ended counts"
+    assert noise._busy_s() > begin[1]
+
+
+# --- history ------------------------------------------------------------------------------------------------------
+
+
+def facts_with(version: str, measured: float | None, limit: float = 10.0, *, at_least: bool = False) -> dict[str, Any]:
+    goal = {"goal": "P4", "what": "one step", "limit": limit, "at_least": at_least, "measured": measured}
+    return {"version": version, "goals": [goal]}
+
+
+def test_a_history_keeps_every_benchmark_and_compares_it_with_its_goal(tmp_path: Path) -> None:
+    file = tmp_path / "bench.jsonl"
+    history.append(file, facts_with("a", 20.0))
+    history.append(file, facts_with("b", 5.0))
+    kept = history.append(file, {"version": "c", "goals": []})
+    assert [facts["version"] for facts in kept] == ["a", "b", "c"]
+    assert kept == history.read(file)
+    assert history.ratios(kept) == {"P4 one step": [2.0, 0.5, None]}
+
+
+def test_a_goal_that_wants_more_is_compared_the_other_way_round() -> None:
+    kept = [facts_with("a", 20.0, at_least=True), facts_with("b", None), facts_with("c", 0.0)]
+    assert history.ratios(kept) == {"P4 one step": [0.5, None, None]}
+    assert history.ratios([facts_with("a", 3.0, limit=0.0)]) == {}, "nothing can be compared with 0"
+
+
+def test_the_page_of_a_history_needs_nothing_else(tmp_path: Path) -> None:
+    page = tmp_path / "bench.html"
+    history.write_page([facts_with("a", 20.0), facts_with("b", 5.0)], page)
+    text = page.read_text()
+    assert "P4 one step" in text
+    assert "1: a" in text
+    assert "<script src=" not in text
+
+
+@pytest.mark.parametrize("line", ["no json", "[]", "{}", '{"version": "a", "goals": [{"limit": "x"}]}'])
+def test_a_file_that_is_no_history_is_left_alone(tmp_path: Path, line: str) -> None:
+    file = tmp_path / "other.txt"
+    file.write_text(f"{line}\n")
+    done = run_bench("--quick", "--only", "batch", "--history", str(file))
+    assert done.returncode == 2 or "is no benchmark" in done.stderr
+    assert file.read_text() == f"{line}\n"
 
 
 # --- the command --------------------------------------------------------------------------------------------------
@@ -124,10 +214,9 @@ def test_a_run_is_judged_offline_and_one_by_one() -> None:
     facts = facts_of("--only", "offline")
     found = facts["offline"]
     assert (found["robot"], found["samples"]) == ("irsbot2", 1000)
-    hour, ratio = (row["measured"] for row in facts["goals"])
-    assert {row["goal"] for row in facts["goals"]} == {"P6"}
-    assert hour == pytest.approx(found["columns_s"] * 3600.0)
-    assert ratio == pytest.approx(found["columns_s"] / found["one_by_one_s"])
+    (row,) = facts["goals"]
+    assert row["goal"] == "P6"
+    assert row["measured"] == pytest.approx(found["columns_s"] * 3600.0)
 
 
 def test_parts_without_processes_give_every_robot_the_batch_and_their_goals() -> None:
@@ -137,7 +226,9 @@ def test_parts_without_processes_give_every_robot_the_batch_and_their_goals() ->
         assert 0.0 < result["median_us"] <= result["p99_us"] <= result["worst_us"]
     # two joints in; status, pose, mode, margins of both types, constraint, angles, reach, residual out
     assert facts["batch"]["bytes_per_sample"] == 16 + 1 + 16 + 2 + 16 + 8 + 8 + 16 + 8 + 8
-    assert [goal["goal"] for goal in facts["goals"]] == ["P4", "P4", "P4", "P5"]
+    # plain Python has a goal for the default robot alone
+    steps = ["P4"] * (3 if facts["one_sample"][0]["compiled"] else 2)
+    assert [goal["goal"] for goal in facts["goals"]] == [*steps, "P5"]
     assert facts["transport"] == facts["startup"] == []
 
 
@@ -157,7 +248,7 @@ def test_help_has_an_example() -> None:
 @pytest.mark.slow
 def test_relays_and_supervisor_pass_on_messages_and_a_fresh_supervisor_judges() -> None:
     pytest.importorskip("irsbot_msgs", reason="needs the built workspace")
-    facts = facts_of("--only", "transport", "--only", "startup")
+    facts = facts_of("--only", "transport", "--only", "startup", "--only", "recorder")
     assert {run["subject"] for run in facts["transport"]} == {RAW, TYPED, SUPERVISED}
     for run in facts["transport"]:
         assert run["sent"] > run["lost"], run
@@ -166,4 +257,9 @@ def test_relays_and_supervisor_pass_on_messages_and_a_fresh_supervisor_judges() 
     for start in facts["startup"]:
         assert 0.0 < start["first_verdict_s"] <= start["first_judged_s"]
         assert start["resident_mb"] > 10.0
-    assert {goal["goal"] for goal in facts["goals"]} == {"P1", "P2", "P3", "P8"}
+    recorder = facts["recorder"]
+    assert recorder["messages_per_s"] > 500.0
+    assert recorder["cpu_us"] > 0.0
+    assert 0.0 <= recorder["lost_s"] < 5.0
+    assert recorder["salvaged_per_s"] > 0.0
+    assert {goal["goal"] for goal in facts["goals"]} == {"P1", "P2", "P3", "P7", "P8"}

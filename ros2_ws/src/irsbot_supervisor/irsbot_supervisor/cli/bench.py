@@ -4,15 +4,31 @@ from __future__ import annotations
 
 import os
 import platform
+from datetime import datetime, timezone
 from enum import Enum
+from pathlib import Path
 from statistics import median
 from typing import Annotated
 
 import typer
 from rich.table import Table
 
+from irsbot_kinematics import BadInput
 from irsbot_supervisor.cli.common import err, out, print_json
-from irsbot_supervisor.validation.bench import batch, offline, one_sample, report, startup, transport
+from irsbot_supervisor.fleet.version import code_version
+from irsbot_supervisor.report.json_values import plain
+from irsbot_supervisor.validation.bench import (
+    batch,
+    loop_closure,
+    offline,
+    one_sample,
+    recorder,
+    report,
+    startup,
+    transport,
+)
+from irsbot_supervisor.validation.bench.history import append, read, write_page
+from irsbot_supervisor.validation.bench.noise import Others
 from irsbot_supervisor.validation.bench.report import Measured, Row
 
 
@@ -24,37 +40,59 @@ class Part(str, Enum):
     BATCH = "batch"
     STARTUP = "startup"
     OFFLINE = "offline"
+    RECORDER = "recorder"
+    LOOP_CLOSURE = "loop-closure"
 
 
 def bench(
     only: Annotated[list[Part] | None, typer.Option(help="measure this part alone; may be repeated")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="seconds instead of minutes; shows that it works")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
+    history: Annotated[Path | None, typer.Option(help="add the result to this file, a line of JSON each")] = None,
+    page: Annotated[Path | None, typer.Option(help="with --history: draw all results of the file, .html")] = None,
 ) -> None:
     """Measure latency, loss, CPU, start-up, memory and throughput, and compare them with the goals.
 
-    Takes about 5 minutes; close other programs first. A missed goal is reported but is not an error: exit code 0 means
-    that everything was measured.
+    Takes about 10 minutes; close other programs first: what they take is measured too. A missed goal is reported but is
+    not an error: exit code 0 means that everything was measured. Compares with Pinocchio where it is installed.
 
-    Example: irsbot bench --only one-sample --only batch.
+    Example: irsbot bench --only one-sample --only batch --history bench.jsonl --page bench.html
     """
-    parts = set(only or Part)
-    measured = Measured(
+    if page is not None and (history is None or page.suffix != ".html"):
+        raise BadInput("--page draws the results of --history FILE, and its suffix must be .html")
+    if history is not None and history.exists():
+        read(history)  # refuse before the work begins
+    with Others() as others:
+        measured = _measure(set(only or Part), quick)
+    rows = report.rows(measured)
+    facts = _facts(measured, rows, others)
+    if history is not None:
+        kept = append(history, plain(facts))
+        if page is not None:
+            write_page(kept, page)
+    if as_json:
+        print_json(facts)
+        return
+    for table in _tables(measured):
+        out.print(table)
+    if rows:
+        out.print(_goals(rows))
+    if not others.quiet:
+        out.print(f"not a quiet machine: other processes took {others.cores:.1f} of {os.cpu_count()} cores")
+    if quick:
+        out.print("a quick run is too short for its numbers to count")
+
+
+def _measure(parts: set[Part], quick: bool) -> Measured:
+    return Measured(
         one_sample.measure(_tell, quick=quick) if Part.ONE_SAMPLE in parts else (),
         transport.measure(_tell, quick=quick) if Part.TRANSPORT in parts else (),
         batch.measure(_tell, quick=quick) if Part.BATCH in parts else None,
         startup.measure(_tell, quick=quick) if Part.STARTUP in parts else (),
         offline.measure(_tell, quick=quick) if Part.OFFLINE in parts else None,
+        recorder.measure(_tell, quick=quick) if Part.RECORDER in parts else None,
+        loop_closure.measure(_tell, quick=quick) if Part.LOOP_CLOSURE in parts else None,
     )
-    rows = report.rows(measured)
-    if as_json:
-        print_json(_facts(measured, rows))
-        return
-    for table in _tables(measured):
-        out.print(table)
-    out.print(_goals(rows))
-    if quick:
-        out.print("a quick run is too short for its numbers to count")
 
 
 def _tell(text: str) -> None:
@@ -100,6 +138,21 @@ def _tables(measured: Measured) -> list[Table]:
         each = (f"{seconds / run.samples * 1e6:.1f}" for seconds in (run.columns_s, run.one_by_one_s))
         table.add_row(run.robot, *each, f"{run.hour_s:.0f}")
         tables.append(table)
+    if measured.recorder is not None:
+        table = Table(
+            "messages/s", "CPU per message [us]", "longest turn [ms]", "lost at SIGKILL [s]", title="recorder"
+        )
+        kept = measured.recorder
+        table.add_row(
+            f"{kept.messages_per_s:.0f}", f"{kept.cpu_us:.1f}", f"{kept.stall_s * 1e3:.2f}", f"{kept.lost_s:.3f}"
+        )
+        tables.append(table)
+    if measured.loop_closure is not None:
+        table = Table("ours [us]", "in a batch [us]", "Pinocchio [us]", title="one posture of the five-bar")
+        one = measured.loop_closure
+        theirs = f"{one.pinocchio_us:.1f}" if one.pinocchio_us > 0.0 else "not installed"
+        table.add_row(f"{one.ours_us:.1f}", f"{one.batch_us:.2f}", theirs)
+        tables.append(table)
     if measured.startup:
         table = Table("first verdict [s]", "first judgement [s]", "resident [MB]", title="start-up")
         for start in measured.startup:
@@ -108,13 +161,18 @@ def _tables(measured: Measured) -> list[Table]:
     return tables
 
 
-def _facts(measured: Measured, rows: list[Row]) -> dict[str, object]:
+def _facts(measured: Measured, rows: list[Row], others: Others) -> dict[str, object]:
     return {
+        "version": code_version(),
+        "time": datetime.now(timezone.utc).isoformat(timespec="seconds"),
+        "other_processes_cores": others.cores,
         "machine": {"python": platform.python_version(), "processors": os.cpu_count(), "system": platform.platform()},
         "goals": [{**row._asdict(), "met": row.met} for row in rows],
         "one_sample": [result._asdict() for result in measured.one_sample],
         "transport": [{**run._asdict(), "cpu_share": run.cpu_share} for run in measured.transport],
         "batch": measured.batch._asdict() if measured.batch is not None else None,
         "offline": measured.offline._asdict() if measured.offline is not None else None,
+        "recorder": measured.recorder._asdict() if measured.recorder is not None else None,
+        "loop_closure": measured.loop_closure._asdict() if measured.loop_closure is not None else None,
         "startup": [start._asdict() for start in measured.startup],
     }

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from irsbot_kinematics.compiled import are_used
 from irsbot_supervisor.core.supervisor import Supervisor
 from irsbot_supervisor.sim.scenario_file import scenario_robots
 from irsbot_supervisor.validation.bench.motion import SCENARIO, recorded
@@ -25,6 +26,8 @@ class OneSample(NamedTuple):
     median_us: float
     p99_us: float
     worst_us: float
+    compiled: bool = False
+    """Whether the core ran compiled."""
 
 
 def measure(tell: Callable[[str], None], *, quick: bool = False) -> list[OneSample]:
@@ -51,7 +54,7 @@ def measure_robot(name: str, number: int, repetitions: int) -> OneSample:
                 if taken < fastest_ns[k]:
                     fastest_ns[k] = taken
     median, p99, worst = (float(ns) * 1e-3 for ns in np.percentile(fastest_ns, (50.0, 99.0, 100.0)))
-    return OneSample(name, number, median, p99, worst)
+    return OneSample(name, number, median, p99, worst, are_used())
 
 
 @contextmanager

@@ -14,7 +14,7 @@ import psutil
 
 from irsbot_msgs_py.records import Level, Verdict
 from irsbot_supervisor.processes.suite import SUPERVISOR, Node, Suite, SuiteError, free_domain
-from irsbot_supervisor.validation.bench.transport import PATIENCE_S, ROBOT, await_file
+from irsbot_supervisor.validation.bench.transport import PATIENCE_S, ROBOT, SINK, SOURCE, await_file
 
 
 class Start(NamedTuple):
@@ -48,12 +48,8 @@ def _start(folder: Path) -> Start:
 
     domain, seen_file = free_domain(), folder / "seen"
     with Suite(folder, domain) as suite, Watch(domain, hear) as watch:
-        suite.start(
-            Node("source", "irsbot_supervisor.validation.bench.source", {"robot": ROBOT, "times": str(folder / "sent")})
-        )
-        suite.start(
-            Node("sink", "irsbot_supervisor.validation.bench.sink", {"topic": "joint_states", "times": str(seen_file)})
-        )
+        suite.start(Node("source", SOURCE, {"robot": ROBOT, "times": str(folder / "sent")}))
+        suite.start(Node("sink", SINK, {"topic": "joint_states", "times": str(seen_file)}))
         await_file(suite, seen_file)
         begin = time.monotonic()
         suite.start(Node("supervisor", SUPERVISOR, {"robot": ROBOT}))

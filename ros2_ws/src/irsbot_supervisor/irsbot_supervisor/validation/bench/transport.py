@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 from irsbot_supervisor.processes.suite import SUPERVISOR, Node, Suite, SuiteError, free_domain
 
 ROBOT = "irsbot2"
+SOURCE = "irsbot_supervisor.validation.bench.source"
+SINK = "irsbot_supervisor.validation.bench.sink"
 
 WARM_UP_S = 5.0
 """s after the first message until counting begins: discovery may hold up messages about 3 s after nodes have joined."""
@@ -84,10 +86,10 @@ def _run(subject: Subject, folder: Path, warm_up_s: float, seconds: float) -> Ru
     sent_file, seen_file = folder / "sent", folder / "seen"
     with Suite(folder / "logs", free_domain()) as suite:
         sink = {"topic": subject.topic, "type": subject.type, "times": str(seen_file)}
-        suite.start(Node("sink", "irsbot_supervisor.validation.bench.sink", sink))
+        suite.start(Node("sink", SINK, sink))
         suite.start(subject.node)
         source = {"robot": ROBOT, "times": str(sent_file)}
-        suite.start(Node("source", "irsbot_supervisor.validation.bench.source", source))
+        suite.start(Node("source", SOURCE, source))
         await_file(suite, seen_file)
         time.sleep(warm_up_s)
         process = psutil.Process(suite.processes[subject.node.name].pid)

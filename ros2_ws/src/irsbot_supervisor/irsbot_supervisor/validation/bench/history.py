@@ -1,0 +1,80 @@
+"""Earlier benchmarks: a file with one line of JSON each, and a page of the goals over them.
+
+Times differ from machine to machine and from hour to hour; ratios to a goal of the same machine show what a change of
+the code did.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from irsbot_kinematics import BadInput
+
+Facts = Mapping[str, Any]
+"""What `bench --json` prints."""
+
+
+def append(file: Path, facts: Facts) -> list[Facts]:
+    """Add a benchmark at the end of a file, new or not. Returns all of them. Raises BadInput, OSError."""
+    earlier = read(file) if file.exists() else []
+    with file.open("a", encoding="utf-8") as opened:
+        opened.write(json.dumps(facts, allow_nan=False) + "\n")
+    return [*earlier, facts]
+
+
+def read(file: Path) -> list[Facts]:
+    """All benchmarks of a file. Raises BadInput for a line that is none, OSError."""
+    found = []
+    for number, line in enumerate(file.read_text(encoding="utf-8").splitlines(), 1):
+        try:
+            facts = json.loads(line)
+            if not all(isinstance(goal["limit"], int | float) for goal in facts["goals"]) or "version" not in facts:
+                raise ValueError
+        except (ValueError, TypeError, KeyError):
+            raise BadInput(f"{file}, line {number} is no benchmark: it must be a file of --history") from None
+        found.append(facts)
+    return found
+
+
+def ratios(history: Sequence[Facts]) -> dict[str, list[float | None]]:
+    """By goal: per benchmark, how many times the measured value is worse than the goal; 1 or less: met. None: not
+    measured, or the goal is 0."""
+    names = dict.fromkeys(_name(goal) for facts in history for goal in facts["goals"] if goal["limit"])
+    rows: dict[str, list[float | None]] = {name: [] for name in names}
+    for facts in history:
+        stated = {_name(goal): _ratio(goal) for goal in facts["goals"]}
+        for name in names:
+            rows[name].append(stated.get(name))
+    return rows
+
+
+def write_page(history: Sequence[Facts], target: Path) -> None:
+    """A self-contained page with a line per goal over all benchmarks."""
+    import plotly.graph_objects as go
+
+    places = [f"{number}: {facts['version']}" for number, facts in enumerate(history, 1)]
+    figure = go.Figure()
+    for name, values in ratios(history).items():
+        hover = "%{x}<br>%{y:.2f} of the goal"
+        figure.add_trace(go.Scatter(x=places, y=values, name=name, mode="lines+markers", hovertemplate=hover))
+    figure.add_hline(y=1.0, line_dash="dash", annotation_text="goal")
+    figure.update_layout(
+        title="Benchmarks: measured value over goal; below the line the goal is met",
+        xaxis_title="benchmark: version of the code",
+        yaxis={"title": "measured / goal", "type": "log"},
+    )
+    figure.write_html(target, include_plotlyjs=True)
+
+
+def _name(goal: Mapping[str, Any]) -> str:
+    return f"{goal['goal']} {goal['what']}"
+
+
+def _ratio(goal: Mapping[str, Any]) -> float | None:
+    measured, limit = goal["measured"], goal["limit"]
+    if measured is None or not measured > 0.0 or not limit:
+        return None
+    return float(limit / measured if goal["at_least"] else measured / limit)
