@@ -312,6 +312,22 @@ def joint_state_layout(data: Bytes) -> JointStateLayout:
     return JointStateLayout(names, tuple(walk.fixed), sec, nanosec, position, velocity, effort)
 
 
+class StateLayout(NamedTuple):
+    """Places of the numbers in all SingularityState messages that have the lengths and texts of one message, in
+    bytes."""
+
+    fixed: tuple[slice, ...]  # bytes that all these messages have in common
+    numbers: dict[str, slice]  # of each field of the record that is a number or several
+
+
+def state_layout(data: Bytes) -> StateLayout:
+    """The layout of an irsbot_msgs/SingularityState. Raises CdrError."""
+    walk = _Walk(data, STATE)
+    names = [name for name in SingularityState._fields if name not in ("stamp_ns", "robot")]
+    places = [slice(start, start + count * _SIZE[code]) for code, start, count in walk.numbers[2:]]  # behind the stamp
+    return StateLayout(tuple(walk.fixed), dict(zip(names, places, strict=True)))
+
+
 def encode_joint_state(sample: JointSample) -> bytes:
     """Encode a sensor_msgs/JointState; the times of arrival are not part of it."""
     return _joint_state.encode((sample.stamp_ns, sample.names, sample.position, sample.velocity, sample.effort))

@@ -11,12 +11,14 @@ import numpy as np
 import pytest
 
 from irsbot_msgs_py.cdr import encode_state
-from irsbot_msgs_py.records import Level, SingularityState
+from irsbot_msgs_py.records import Level, SingularityState, unknown_state
 from irsbot_supervisor.bag.journal import write_entry
+from irsbot_supervisor.core.margins import MARGIN_CAUSES
 from irsbot_supervisor.live.feed import HISTORY_S, Feed, Known
-from irsbot_supervisor.live.scene import Scene, drawn
+from irsbot_supervisor.live.scene import COLUMNS, Scene, drawn
 from irsbot_supervisor.processes.observed import Observed
 from irsbot_supervisor.replay.rejudge import Recording, read_recording
+from irsbot_supervisor.replay.run_summary import margin_of
 
 BAGS = Path(__file__).resolve().parents[4] / "bags"
 FRAME_S = 1.0 / 30.0
@@ -66,7 +68,8 @@ def test_it_tells_the_newest_state_and_its_limits(run: Recording) -> None:
     told = Told(run)
     told.play()
     last, answer = run.states[-1], told.answer()
-    _time, level, columns, pose, joints = answer["rows"][-1]
+    _time, level, columns, pose, _low, _high = answer["rows"][-1]
+    joints = answer["now"]["joints"]
     assert level == run.verdicts[-1][1].level.name
     assert columns[:2] == pytest.approx([min(last.type1_margin), last.type2_margin], rel=1e-8)
     assert pose == pytest.approx(last.pose, rel=1e-8)
@@ -114,8 +117,9 @@ def test_silence_is_unknown_and_shows_no_posture(run: Recording) -> None:
     after = told.answer()
     assert after["now"]["level"] == "UNKNOWN"
     assert after["now"]["silent"] is True
-    assert after["rows"][-1][1:] == ["UNKNOWN", [], [], {}]
+    assert after["rows"][-1][1:] == ["UNKNOWN", [], [], [], []]
     assert after["now"]["box"] == []
+    assert after["now"]["joints"] == {}
 
 
 def test_the_drawing_is_asked_for_once_and_told_to_every_page(run: Recording) -> None:
@@ -153,7 +157,8 @@ def test_a_robot_that_cannot_be_built_is_named_with_the_reason(run: Recording) -
     setup = told.answer()["setup"]
     assert setup["robot"] == entry.machine["name"]
     assert setup["note"]
-    assert told.answer()["rows"][-1][2:] == [[], [], {}]
+    assert told.answer()["rows"][-1][2:] == [[], [], [], []]
+    assert told.answer()["now"]["joints"] == {}
 
 
 def test_nothing_heard_is_no_level_but_unknown() -> None:
@@ -163,7 +168,54 @@ def test_nothing_heard_is_no_level_but_unknown() -> None:
     assert told["now"]["level"] == Level.UNKNOWN.name
     assert told["now"]["verdict"] is None
     assert told["now"]["verdict_age_s"] is None
-    assert told["rows"] == [[5.0, "UNKNOWN", [], [], {}]]
+    assert told["rows"] == [[5.0, "UNKNOWN", [], [], [], []]]
+
+
+def test_no_margin_between_two_looks_is_hidden(run: Recording) -> None:
+    """Each row holds the smallest and the largest of every state since the row before, read one by one."""
+    told, known, spans = Told(run), Known(), []
+    while told._messages:
+        until_s = told.now_s + FRAME_S
+        between = [one for ns, one in told._messages if ns * 1e-9 <= until_s and isinstance(one, SingularityState)]
+        told.look()
+        (row,) = told.answer(known)["rows"]
+        margins = np.array([_columns(state) for state in between]).reshape(-1, len(COLUMNS))
+        finite = np.isfinite(margins)
+        for column, (low, high) in enumerate(zip(row[4], row[5], strict=True)):
+            values = margins[finite[:, column], column]
+            assert [low, high] == (pytest.approx([values.min(), values.max()]) if len(values) else [None, None])
+            spans += [high - low] if len(values) else []
+        assert bool(row[4]) == bool(between)
+    assert max(spans) > 1e-3  # one value per look would not have told
+
+
+def _columns(state: SingularityState) -> list[float]:
+    return [*[margin_of(state, kind) for kind in MARGIN_CAUSES], state.stop_margin]
+
+
+def test_a_dip_of_one_sample_and_a_stop_of_one_verdict_stay_in_their_row(run: Recording) -> None:
+    told, known = Told(run), Known()
+    told.look()
+    while not told.answer()["rows"][-1][2]:
+        told.look()
+    told.answer(known)
+    state = run.states[0]._replace(seen_ns=0)
+    calm, dip = (state._replace(type2_margin=value, limb_margin=()) for value in (0.5, 0.01))
+    unknown = unknown_state((0, 0, 0), state.robot, 7, 0, ((0.0,) * 3, ()), (1, 2))  # another layout
+    stop = run.verdicts[0][1]._replace(level=Level.STOP)
+    for one in (calm, dip, unknown, calm):
+        told.observed.hear_state(encode_state(one), told.now_s)
+    told.observed.hear_state(encode_state(calm)[:40], told.now_s)
+    for verdict in (stop, stop._replace(level=Level.OK)):
+        told.observed.hear_verdict(verdict, told.now_s)
+    told.observed.hear_state(encode_state(calm), told.now_s)
+    told.feed.hear(told.observed.look(told.now_s + 0.001), told.now_s + 0.001)
+    (row,) = told.answer(known)["rows"]
+    assert [row[part][1] for part in (2, 4, 5)] == [0.5, 0.01, 0.5]
+    assert row[1] == "STOP"
+    assert told.answer(known)["now"]["level"] == "OK"
+    told.feed.hear(told.observed.look(told.now_s + 0.002), told.now_s + 0.002)
+    assert told.answer(known)["rows"][-1][1] == "OK"
 
 
 def test_the_reachable_box_holds_the_rest_of_every_stop(run: Recording) -> None:

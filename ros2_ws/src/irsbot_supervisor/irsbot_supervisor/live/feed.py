@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from math import isfinite
 from typing import Any
@@ -13,11 +13,11 @@ from irsbot_kinematics import KinematicsError
 from irsbot_msgs_py.records import CONSUMER_TIMEOUT_S, SingularityState, cause_names
 from irsbot_supervisor.core.margins import MARGIN_CAUSES
 from irsbot_supervisor.core.settings import InvalidSettings
+from irsbot_supervisor.live.extremes import Extremes
 from irsbot_supervisor.live.scene import Scene
 from irsbot_supervisor.processes.observed import Change, Seen
 from irsbot_supervisor.replay.run_summary import margin_of
 from irsbot_supervisor.report.json_values import plain
-from irsbot_supervisor.report.series import rounded
 
 HISTORY_S = 30.0
 """s that a page shows."""
@@ -48,7 +48,9 @@ class Feed:
         self._draw = draw
         self._rows: deque[list[Any]] = deque()
         self._count = 0  # rows until now
-        self._now: dict[str, Any] = {}
+        self._seen: tuple[Seen, SingularityState | None, float] | None = None  # the newest look, and when
+        self._now: dict[str, Any] = {}  # what is told of it; empty until a page asks
+        self._extremes = Extremes()
         self._changes: list[dict[str, Any]] = []
         self._change: Change | None = None  # the newest of them
         self._setup: dict[str, Any] = {}
@@ -77,8 +79,8 @@ class Feed:
             self._box = []
         elif self._count % BOX_EVERY == 0:
             lines = scene.reachable(state, 1.0 / max(seen.state_hz, 1.0)) if self._told else []
-            self._box, self._told = [list(map(rounded, line)) for line in lines], False
-        self._now = plain({"t": now_s, **_now(seen, state), "box": self._box})
+            self._box, self._told = [list(map(_told, line)) for line in lines], False
+        self._seen, self._now = (seen, state, now_s), {}
         if seen.changes[-1:] != (self._change,) and seen.changes:
             self._change = seen.changes[-1]
             self._changes = [
@@ -94,6 +96,8 @@ class Feed:
     def answer(self, known: Known) -> str:
         """JSON: `setup` and `changes` if the page has others, `rows` since the last, and `now`."""
         self._told = True
+        if not self._now and self._seen is not None:
+            self._now = self._told_of(*self._seen)
         told: dict[str, Any] = {"now": self._now}
         if known.setup != self._number:
             told["setup"] = self._setup
@@ -121,15 +125,25 @@ class Feed:
         self._setup = plain(setup)
         self._number += 1
 
+    def _told_of(self, seen: Seen, state: SingularityState | None, now_s: float) -> dict[str, Any]:
+        joints = self._scene.joints(state) if self._scene is not None and state is not None else {}
+        positions = dict(zip(joints, _told(joints.values()), strict=True))
+        return {"t": now_s, **plain(_now(seen, state)), "box": self._box, "joints": positions}
+
     def _row(self, seen: Seen, state: SingularityState | None, now_s: float) -> list[Any]:
-        """Time, level, columns, pose and joints; None for what is not known."""
-        head = [now_s, seen.level.name]
-        if state is None or self._scene is None:
-            return [*head, [], [], {}]
-        margins = [margin_of(state, kind) for kind in MARGIN_CAUSES] if state.type1_margin else []
-        joints = self._scene.joints(state)
-        columns = rounded([*margins, state.stop_margin]) if margins else []
-        return [*head, columns, rounded(state.pose), dict(zip(joints, rounded(joints.values()), strict=True))]
+        """Time, worst level since the last row, columns, pose, smallest and largest values of the columns since the
+        last row; None for what is not known."""
+        columns: list[float] = []
+        if state is not None and state.type1_margin:
+            columns = [*[margin_of(state, kind) for kind in MARGIN_CAUSES], state.stop_margin]
+        extremes = self._extremes.of(seen.states) if self._scene is not None and seen.states else ([], [])
+        values = (columns, state.pose if state else (), *extremes)
+        return [now_s, seen.worst.name, *map(_told, values)]
+
+
+def _told(values: Iterable[float]) -> list[float | None]:
+    """As they are, to save the time of rounding them; None for values that are not finite, which JSON does not have."""
+    return [value if isfinite(value) else None for value in values]
 
 
 def _now(seen: Seen, state: SingularityState | None) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import gc
 import ipaddress
 import os
 import socket
@@ -35,7 +36,7 @@ if TYPE_CHECKING:
 FRAME_S = 1.0 / 31.0
 """s between two looks, and between two frames of a page: a little less than at 30 Hz, so that 30 arrive."""
 
-SCRIPTS = ("plots.js", "mechanism.js", "live.js")
+SCRIPTS = ("plots.js", "mechanism.js", "live_plots.js", "live_view.js", "live.js")
 LARGEST_QUESTION = 16
 """Bytes of what a page may say."""
 
@@ -144,6 +145,7 @@ def main() -> None:
     from irsbot_supervisor.processes.monitoring import Monitor
 
     with Monitor(int(os.environ.get("ROS_DOMAIN_ID", "0")), name="live_page") as listener:
+        gc.freeze()  # what is loaded now stays
         serve_node(listener.node, partial(run, listener), "no page")
 
 

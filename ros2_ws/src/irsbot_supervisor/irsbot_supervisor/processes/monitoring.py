@@ -15,7 +15,7 @@ from irsbot_msgs_py.cdr import decode_verdict
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.processes.listener import LATCHED
 from irsbot_supervisor.processes.observed import Observed, Seen
-from irsbot_supervisor.processes.polling import NEWEST, Polling, taken, waited_ns
+from irsbot_supervisor.processes.polling import NEWEST, Polling, taken
 
 TAKE_S = 0.05
 """s within which `NEWEST` overflows for no robot: 200 messages at 4 kHz."""
@@ -47,9 +47,11 @@ class Monitor(Polling):
 
     def take(self) -> Seen:
         """Take all messages that have arrived, then return the state of the suite."""
+        now_s = time.monotonic()
+        ahead_s = now_s - time.time_ns() / NS_PER_S  # of the system clock, once: messages are many
         for subscription, hear in self._sources:
             for data, arrived_ns in taken(subscription):
-                hear(data, time.monotonic() - waited_ns(arrived_ns) / NS_PER_S)
+                hear(data, min(ahead_s + arrived_ns / NS_PER_S, now_s))
         return self._seen.look(time.monotonic())
 
     def _on_verdict(self, data: bytes, now_s: float) -> None:

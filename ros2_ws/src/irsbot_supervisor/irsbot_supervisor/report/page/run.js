@@ -101,7 +101,7 @@ function redrawAll() {
 // The plots alone: the path does not depend on the window.
 function redraw() {
   const { data } = Run;
-  drawStrip(element("strip"), data, Run.window);
+  drawStrip(sheet(element("strip")), data, Run.window);
   document.querySelectorAll(".track").forEach((figure, place) => {
     drawTrack(figure.querySelector("canvas"), data.tracks[place], data, Run.window, place % 3 === 0 || place === data.tracks.length - 1);
     figure.querySelectorAll(".readout i").forEach((swatch, k) => {
