@@ -203,7 +203,9 @@ def test_a_dip_of_one_sample_and_a_stop_of_one_verdict_stay_in_their_row(run: Re
     calm, dip = (state._replace(type2_margin=value, limb_margin=()) for value in (0.5, 0.01))
     unknown = unknown_state((0, 0, 0), state.robot, 7, 0, ((0.0,) * 3, ()), (1, 2))  # another layout
     stop = run.verdicts[0][1]._replace(level=Level.STOP)
-    for one in (calm, dip, unknown, calm):
+    shifted = dip._replace(pose=(0.0,), pressure_angle=(*dip.pressure_angle, 0.0), type2_margin=0.005)
+    assert len(encode_state(shifted)) == len(encode_state(dip))  # with margins at other places
+    for one in (calm, dip, shifted, unknown, calm):
         told.observed.hear_state(encode_state(one), told.now_s)
     told.observed.hear_state(encode_state(calm)[:40], told.now_s)
     for verdict in (stop, stop._replace(level=Level.OK)):
@@ -211,7 +213,7 @@ def test_a_dip_of_one_sample_and_a_stop_of_one_verdict_stay_in_their_row(run: Re
     told.observed.hear_state(encode_state(calm), told.now_s)
     told.feed.hear(told.observed.look(told.now_s + 0.001), told.now_s + 0.001)
     (row,) = told.answer(known)["rows"]
-    assert [row[part][1] for part in (2, 4, 5)] == [0.5, 0.01, 0.5]
+    assert [row[part][1] for part in (2, 4, 5)] == [0.5, 0.005, 0.5]
     assert row[1] == "STOP"
     assert told.answer(known)["now"]["level"] == "OK"
     told.feed.hear(told.observed.look(told.now_s + 0.002), told.now_s + 0.002)
