@@ -49,7 +49,7 @@ class Told:
         while self._messages and self._messages[0][0] * 1e-9 <= self.now_s:
             time_ns, message = self._messages.pop(0)
             if isinstance(message, SingularityState):
-                self.observed.hear_state(encode_state(message), time_ns * 1e-9)
+                self.observed.hear_states([encode_state(message)], [time_ns * 1e-9])
             else:
                 self.observed.hear_verdict(message, time_ns * 1e-9)
         self.feed.hear(self.observed.look(self.now_s), self.now_s)
@@ -80,6 +80,23 @@ def test_it_tells_the_newest_state_and_its_limits(run: Recording) -> None:
     assert answer["now"]["stop_limit"] == last.stop_limit
 
 
+def test_a_verdict_is_told_when_it_says_something_else(run: Recording) -> None:
+    told, page = Told(run), Known()
+    told.play()
+    last = run.verdicts[-1][1]
+    assert told.answer(page)["verdict"]["text"] == last.text
+    for verdict, said in (
+        (last._replace(sequence=last.sequence + 1, stamp_ns=last.stamp_ns + 1), False),
+        (last._replace(speed_scale=0.25), True),
+        (last._replace(speed_scale=0.25, findings=()), True),
+    ):
+        told.observed.hear_verdict(verdict, told.now_s)
+        told.look()
+        answer = told.answer(page)
+        assert ("verdict" in answer) == said
+    assert answer["verdict"]["findings"] == []
+
+
 def test_pages_that_ask_seldom_and_often_get_the_same_rows(run: Recording) -> None:
     told, often, seldom = Told(run), Known(), Known()
     rows: dict[str, list[Any]] = {"often": [], "seldom": []}
@@ -92,6 +109,7 @@ def test_pages_that_ask_seldom_and_often_get_the_same_rows(run: Recording) -> No
     assert len(rows["often"]) == 60
     again = told.answer(often)
     assert again["rows"] == []
+    assert "verdict" not in again
     assert "setup" not in again
     assert "changes" not in again
 
@@ -166,7 +184,7 @@ def test_nothing_heard_is_no_level_but_unknown() -> None:
     feed.hear(Observed().look(5.0), 5.0)
     told = json.loads(feed.answer(Known()))
     assert told["now"]["level"] == Level.UNKNOWN.name
-    assert told["now"]["verdict"] is None
+    assert told["verdict"] is None
     assert told["now"]["verdict_age_s"] is None
     assert told["rows"] == [[5.0, "UNKNOWN", [], [], [], []]]
 
@@ -206,11 +224,11 @@ def test_a_dip_of_one_sample_and_a_stop_of_one_verdict_stay_in_their_row(run: Re
     shifted = dip._replace(pose=(0.0,), pressure_angle=(*dip.pressure_angle, 0.0), type2_margin=0.005)
     assert len(encode_state(shifted)) == len(encode_state(dip))  # with margins at other places
     for one in (calm, dip, shifted, unknown, calm):
-        told.observed.hear_state(encode_state(one), told.now_s)
-    told.observed.hear_state(encode_state(calm)[:40], told.now_s)
+        told.observed.hear_states([encode_state(one)], [told.now_s])
+    told.observed.hear_states([encode_state(calm)[:40]], [told.now_s])
     for verdict in (stop, stop._replace(level=Level.OK)):
         told.observed.hear_verdict(verdict, told.now_s)
-    told.observed.hear_state(encode_state(calm), told.now_s)
+    told.observed.hear_states([encode_state(calm)], [told.now_s])
     told.feed.hear(told.observed.look(told.now_s + 0.001), told.now_s + 0.001)
     (row,) = told.answer(known)["rows"]
     assert [row[part][1] for part in (2, 4, 5)] == [0.5, 0.005, 0.5]

@@ -10,7 +10,7 @@ from math import isfinite
 from typing import Any
 
 from irsbot_kinematics import KinematicsError
-from irsbot_msgs_py.records import CONSUMER_TIMEOUT_S, SingularityState, cause_names
+from irsbot_msgs_py.records import CONSUMER_TIMEOUT_S, SingularityState, Verdict, cause_names
 from irsbot_supervisor.core.margins import MARGIN_CAUSES
 from irsbot_supervisor.core.settings import InvalidSettings
 from irsbot_supervisor.live.extremes import Extremes
@@ -39,6 +39,7 @@ class Known:
     setup: int = 0
     row: int = 0
     change: Change | None = None
+    verdict: Any = ()  # none was told; it may be told that there is none
 
 
 class Feed:
@@ -94,7 +95,7 @@ class Feed:
             self._set({**self._setup, "view": view})
 
     def answer(self, known: Known) -> str:
-        """JSON: `setup` and `changes` if the page has others, `rows` since the last, and `now`."""
+        """JSON: `setup`, `changes` and `verdict` if the page has others, `rows` since the last, and `now`."""
         self._told = True
         if not self._now and self._seen is not None:
             self._now = self._told_of(*self._seen)
@@ -104,8 +105,11 @@ class Feed:
         if known.change is not self._change:
             told["changes"] = self._changes
         new = min(self._count - known.row, len(self._rows))
+        verdict = _shown(self._seen[0].verdict) if self._seen is not None else None
+        if known.verdict != verdict:
+            told["verdict"] = verdict
         told["rows"] = [self._rows[place] for place in range(len(self._rows) - new, len(self._rows))]
-        known.setup, known.row, known.change = self._number, self._count, self._change
+        known.setup, known.row, known.change, known.verdict = self._number, self._count, self._change, verdict
         return json.dumps(told, allow_nan=False, separators=(",", ":"))
 
     def _configure(self, seen: Seen) -> None:
@@ -146,22 +150,25 @@ def _told(values: Iterable[float]) -> list[float | None]:
     return [value if isfinite(value) else None for value in values]
 
 
+def _shown(verdict: Verdict | None) -> dict[str, Any] | None:
+    """What a page shows of a verdict."""
+    if verdict is None:
+        return None
+    return {
+        "level": verdict.level.name,
+        "causes": cause_names(verdict.causes),
+        "text": verdict.text,
+        "findings": [finding.text for finding in verdict.findings],
+        "latched": verdict.latched,
+        "event": verdict.event,
+        "speed_scale": verdict.speed_scale,
+    }
+
+
 def _now(seen: Seen, state: SingularityState | None) -> dict[str, Any]:
     """The newest look. Ages in s, None for what was never heard."""
-    verdict = seen.verdict
     return {
         "level": seen.level.name,
-        "verdict": None
-        if verdict is None
-        else {
-            "level": verdict.level.name,
-            "causes": cause_names(verdict.causes),
-            "text": verdict.text,
-            "findings": [finding.text for finding in verdict.findings],
-            "latched": verdict.latched,
-            "event": verdict.event,
-            "speed_scale": verdict.speed_scale,
-        },
         "stop_limit": state.stop_limit if state else None,
         "time_to_stop": state.time_to_stop if state else None,
         "sample_age_s": state.sample_age if state else None,

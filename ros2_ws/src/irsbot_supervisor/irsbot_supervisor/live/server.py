@@ -47,7 +47,7 @@ class LivePage:
     def __init__(self, listener: Monitor) -> None:
         self._listener, self._worker = listener, Worker()
         self._feed = Feed(self._draw)
-        self._looked = asyncio.Condition()
+        self._looked = asyncio.Event()
         self._ended = False
         self._page = page()
         self._host = ""
@@ -65,14 +65,12 @@ class LivePage:
                     begin = time.monotonic()
                     while True:
                         self._feed.hear(self._listener.take(), time.monotonic())
-                        async with self._looked:
-                            self._looked.notify_all()
+                        self._wake()
                         begin = max(begin + FRAME_S, time.monotonic() - FRAME_S)  # the looks take time of their own
                         await asyncio.sleep(begin - time.monotonic())
                 finally:  # the server waits for its connections, and they wait for a look
                     self._ended = True
-                    async with self._looked:
-                        self._looked.notify_all()
+                    self._wake()
         finally:
             self._worker.close()
 
@@ -80,12 +78,16 @@ class LivePage:
         known = Known()
         with contextlib.suppress(ConnectionClosed):
             async for _asked in connection:
-                async with self._looked:
-                    if not self._ended:
-                        await self._looked.wait()
+                if not self._ended:
+                    await self._looked.wait()
                 if self._ended:
                     return
                 await connection.send(self._feed.answer(known))
+
+    def _wake(self) -> None:
+        """Go on with every page that waits for a look."""
+        self._looked.set()
+        self._looked.clear()
 
     def _respond(self, connection: ServerConnection, request: Request) -> Response | None:
         """The page at /, the socket at /live; nothing for pages of others, which a browser would let talk to us."""

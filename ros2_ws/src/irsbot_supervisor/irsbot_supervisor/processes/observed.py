@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import contextlib
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import inf
 from typing import Any, NamedTuple
 
@@ -63,15 +63,16 @@ class Observed:
         """Take in a verdict."""
         before, self._verdict = self._verdict, verdict
         self._worst = max(self._worst, verdict.level)
-        self._count("verdict", now_s)
+        self._count("verdict", [now_s])
         if before is None or _essence(before) != _essence(verdict):
             self._changes.append(Change(now_s, verdict.level, verdict.causes, verdict.text))
 
-    def hear_state(self, data: bytes, now_s: float) -> None:
-        """Take in a state, as CDR; only the newest is decoded here."""
-        self._state = data
-        self._states.append(data)
-        self._count("state", now_s)
+    def hear_states(self, states: Sequence[bytes], times_s: Sequence[float]) -> None:
+        """Take in states, as CDR, and when each came; only the newest is decoded here."""
+        if states:
+            self._state = states[-1]
+            self._states += states
+            self._count("state", times_s)
 
     def hear_journal(self, line: str) -> None:
         """Take in a line of the journal, which contains the limits and the robot."""
@@ -105,10 +106,10 @@ class Observed:
             states,
         )
 
-    def _count(self, name: str, now_s: float) -> None:
+    def _count(self, name: str, times_s: Sequence[float]) -> None:
         times = self._times[name]
-        times.append(now_s)
-        while now_s - times[0] > RATE_S:
+        times.extend(times_s)
+        while times[-1] - times[0] > RATE_S:
             times.popleft()
 
     def _rate(self, name: str, now_s: float) -> float:

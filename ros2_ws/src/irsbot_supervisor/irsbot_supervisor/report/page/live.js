@@ -4,7 +4,7 @@
 
 const OLD_MS = 500, RETRY_MS = 1000, WATCH_MS = 100;
 const READ_MS = 250;  // between two sets of figures that nobody reads faster
-const Live = { socket: null, askedAt: -Infinity, frameAt: -Infinity, readAt: -Infinity, now: null, setup: {}, view: NO_VIEW, rows: [], changes: [], number: 0, drawing: null };
+const Live = { socket: null, askedAt: -Infinity, frameAt: -Infinity, readAt: -Infinity, now: null, setup: {}, view: NO_VIEW, verdict: null, rows: [], changes: [], number: 0, drawing: null };
 
 function connect() {
   const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/live`);
@@ -27,10 +27,11 @@ function ask() {
   Live.socket.send("");
 }
 
-function hear({ setup, changes, rows, now }) {
+function hear({ setup, changes, verdict, rows, now }) {
   Live.frameAt = Live.askedAt;
   if (setup) begin(setup);
   if (changes) Live.changes = changes;
+  if (verdict !== undefined) Live.verdict = verdict;
   for (const row of rows) row.least = least(row);
   Live.rows.push(...rows);
   while (Live.rows.length && now.t - Live.rows[0][0] > SPAN_S) Live.rows.shift();
@@ -87,7 +88,7 @@ function show() {
 }
 
 function why(now) {
-  const { verdict } = now;
+  const { verdict } = Live;
   if (verdict === null) return "No verdict was ever heard: a consumer brakes.";
   const parts = !now.silent ? [] : [`The last verdict, ${verdict.level}, is ${now.verdict_age_s.toFixed(2)} s old: a consumer brakes.`];
   if (verdict.latched) parts.push(`Stop ${verdict.event} is latched.`);
