@@ -136,7 +136,7 @@ def test_silence_is_unknown_and_shows_no_posture(run: Recording) -> None:
     assert after["now"]["level"] == "UNKNOWN"
     assert after["now"]["silent"] is True
     assert after["rows"][-1][1:] == ["UNKNOWN", [], [], [], []]
-    assert after["now"]["box"] == []
+    assert after["box"] == []
     assert after["now"]["joints"] == {}
 
 

@@ -40,6 +40,7 @@ class Known:
     row: int = 0
     change: Change | None = None
     verdict: Any = ()  # none was told; it may be told that there is none
+    box: list[Any] | None = None
 
 
 class Feed:
@@ -77,7 +78,7 @@ class Feed:
         while now_s - self._rows[0][0] > HISTORY_S:
             self._rows.popleft()
         if scene is None or state is None:
-            self._box = []
+            self._box = self._box and []
         elif self._count % BOX_EVERY == 0:
             lines = scene.reachable(state, 1.0 / max(seen.state_hz, 1.0)) if self._told else []
             self._box, self._told = [list(map(_told, line)) for line in lines], False
@@ -94,12 +95,15 @@ class Feed:
         if scene is self._scene:
             self._set({**self._setup, "view": view})
 
-    def answer(self, known: Known) -> str:
-        """JSON: `setup`, `changes` and `verdict` if the page has others, `rows` since the last, and `now`."""
+    def answer(self, known: Known, left: int = 0) -> str:
+        """JSON: `setup`, `changes`, `verdict` and `box` if the page has others, `rows` since the last, and `now`.
+
+        left: frames that the page will be told without asking again.
+        """
         self._told = True
         if not self._now and self._seen is not None:
             self._now = self._told_of(*self._seen)
-        told: dict[str, Any] = {"now": self._now}
+        told: dict[str, Any] = {"now": self._now, "left": left}
         if known.setup != self._number:
             told["setup"] = self._setup
         if known.change is not self._change:
@@ -108,8 +112,11 @@ class Feed:
         verdict = _shown(self._seen[0].verdict) if self._seen is not None else None
         if known.verdict != verdict:
             told["verdict"] = verdict
+        if known.box is not self._box:
+            told["box"] = self._box
         told["rows"] = [self._rows[place] for place in range(len(self._rows) - new, len(self._rows))]
-        known.setup, known.row, known.change, known.verdict = self._number, self._count, self._change, verdict
+        known.setup, known.row, known.change = self._number, self._count, self._change
+        known.verdict, known.box = verdict, self._box
         return json.dumps(told, allow_nan=False, separators=(",", ":"))
 
     def _configure(self, seen: Seen) -> None:
@@ -132,7 +139,7 @@ class Feed:
     def _told_of(self, seen: Seen, state: SingularityState | None, now_s: float) -> dict[str, Any]:
         joints = self._scene.joints(state) if self._scene is not None and state is not None else {}
         positions = dict(zip(joints, _told(joints.values()), strict=True))
-        return {"t": now_s, **plain(_now(seen, state)), "box": self._box, "joints": positions}
+        return {"t": now_s, **plain(_now(seen, state)), "joints": positions}
 
     def _row(self, seen: Seen, state: SingularityState | None, now_s: float) -> list[Any]:
         """Time, worst level since the last row, columns, pose, smallest and largest values of the columns since the

@@ -1,7 +1,7 @@
 """Serves the live page and feeds it.
 
-A page asks for each frame and is told the newest, so that a slow one falls behind in no queue: what it shows was true
-after it had asked. What a page says is never read.
+A page asks for the next few frames and each tells the newest, so that a slow one falls behind in no queue: what it shows
+was true after it had asked. What a page says is never read.
 """
 
 from __future__ import annotations
@@ -35,6 +35,9 @@ if TYPE_CHECKING:
 
 FRAME_S = 1.0 / 31.0
 """s between two looks, and between two frames of a page: a little less than at 30 Hz, so that 30 arrive."""
+
+FRAMES = 3
+"""Frames for which a page asks at once: a tenth of a second. To hear a question costs as much as to tell a frame."""
 
 SCRIPTS = ("plots.js", "mechanism.js", "live_plots.js", "live_view.js", "live.js")
 LARGEST_QUESTION = 16
@@ -78,11 +81,12 @@ class LivePage:
         known = Known()
         with contextlib.suppress(ConnectionClosed):
             async for _asked in connection:
-                if not self._ended:
-                    await self._looked.wait()
-                if self._ended:
-                    return
-                await connection.send(self._feed.answer(known))
+                for left in reversed(range(FRAMES)):
+                    if not self._ended:
+                        await self._looked.wait()
+                    if self._ended:
+                        return
+                    await connection.send(self._feed.answer(known, left))
 
     def _wake(self) -> None:
         """Go on with every page that waits for a look."""

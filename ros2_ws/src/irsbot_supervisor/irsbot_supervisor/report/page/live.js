@@ -1,10 +1,10 @@
 "use strict";
-// The live page. It asks for each frame, so what it shows was true after it had asked; a frame that it had to wait for,
-// or that grew old on the screen, is shown as NOT CONNECTED and never as a level.
+// The live page. It asks for every few frames, so what it shows was true after it had asked; a frame that it had to wait
+// for, or that grew old on the screen, is shown as NOT CONNECTED and never as a level.
 
 const OLD_MS = 500, RETRY_MS = 1000, WATCH_MS = 100;
 const READ_MS = 250;  // between two sets of figures that nobody reads faster
-const Live = { socket: null, askedAt: -Infinity, frameAt: -Infinity, readAt: -Infinity, now: null, setup: {}, view: NO_VIEW, verdict: null, rows: [], changes: [], number: 0, drawing: null };
+const Live = { socket: null, askedAt: -Infinity, frameAt: -Infinity, readAt: -Infinity, now: null, setup: {}, view: NO_VIEW, verdict: null, box: [], rows: [], changes: [], number: 0, drawing: null };
 
 function connect() {
   const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/live`);
@@ -27,19 +27,20 @@ function ask() {
   Live.socket.send("");
 }
 
-function hear({ setup, changes, verdict, rows, now }) {
+function hear({ setup, changes, verdict, box, rows, now, left }) {
   Live.frameAt = Live.askedAt;
   if (setup) begin(setup);
   if (changes) Live.changes = changes;
   if (verdict !== undefined) Live.verdict = verdict;
+  if (box) Live.box = box;
   for (const row of rows) row.least = least(row);
   Live.rows.push(...rows);
   while (Live.rows.length && now.t - Live.rows[0][0] > SPAN_S) Live.rows.shift();
   Live.now = now;
   const hidden = document.hidden;  // a page that nobody sees asks for nothing
-  if (!hidden) ask();
+  if (!hidden && !left) ask();
   cancelAnimationFrame(Live.drawing);
-  Live.drawing = requestAnimationFrame(() => { show(); if (hidden) ask(); });
+  Live.drawing = requestAnimationFrame(() => { show(); if (hidden && !left) ask(); });
 }
 
 // Whether what is shown was true a moment ago.
@@ -76,7 +77,7 @@ function show() {
   const { now, setup, rows, view } = Live;
   drawLevels(element("strip"), rows, now.t);
   const places = drawMargins(element("margins"), rows, now.t, setup, Live.number);
-  if (view.task.length) drawScene(element("view"), rows, now, view, Live.number);
+  if (view.task.length) drawScene(element("view"), rows, now, Live.box, view, Live.number);
   sayState(true, now.level, `${now.level} ${setup.robot || "irsbot"}`, why(now));
   showTiles(tiles(now, setup));
   showChanges(now);

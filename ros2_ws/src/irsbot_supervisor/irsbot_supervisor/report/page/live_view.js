@@ -7,12 +7,12 @@ const Ground = { key: "", picture: null, drawn: -Infinity, until: 0, place: null
 const NO_VIEW = { task: [], joints: [], places: [], planar: true, links: [], rails: [], loci: [], note: "" };
 
 // rows: [time, level, columns, pose, ...] with `least`, the smallest margin. number: another one for each setup.
-function drawScene(canvas, rows, now, view, number) {
+function drawScene(canvas, rows, now, box, view, number) {
   const at = sized(canvas), { pen, width, height, em, ratio } = at, pose = rows.length ? rows[rows.length - 1][3] : [];
   const joints = Object.fromEntries(view.links.filter((link) => link.axis).map((link) => [link.joint, [now.joints[link.joint] ?? null]]));
   const data = { view, posture: { t: [0], joints, pose: view.task.map((_, k) => [pose[k]]) } };
   const moving = bars(data, 0).flatMap(([from, to]) => [flat(data, from), flat(data, to)]);
-  for (const line of now.box) for (const corner of line) moving.push(flat(data, placed(view, corner)));
+  for (const line of box) for (const corner of line) moving.push(flat(data, placed(view, corner)));
   const place = sight(data, rows, moving), most = above(rows.reduce((before, row) => Math.max(before, row.least), 0)) || 1;
   const key = [at.number, Theme.number, number, most, ...place.middle, ...place.size, ...View.turn].join();
   const whole = key !== Ground.key || performance.now() - Ground.drawn > PATH_MS;
@@ -33,7 +33,7 @@ function drawScene(canvas, rows, now, view, number) {
   pen.setTransform(ratio, 0, 0, ratio, 0, 0);
   drawMarks(pen, data, em, rows.filter((row, k) => !k || row[1] !== rows[k - 1][1]).map((row) => [row[1], placed(view, row[3])]));
   drawPosture(pen, data, 0, em);
-  drawBox(pen, data, now.box);
+  drawBox(pen, data, box);
 }
 
 // What has to be seen only grows, or the picture would tremble; and by more than it must, or it would do so often.
