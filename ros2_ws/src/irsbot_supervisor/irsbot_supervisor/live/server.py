@@ -1,7 +1,7 @@
 """Serves the live page and feeds it.
 
-A page asks for the next few frames and each tells the newest, so that a slow one falls behind in no queue: what it shows
-was true after it had asked. What a page says is never read.
+A page asks for the next few frames and each tells the newest, so that a slow one falls behind in no queue: what it
+shows was true after it had asked. What a page says is never read.
 """
 
 from __future__ import annotations
@@ -150,6 +150,10 @@ def main() -> None:
     from irsbot_supervisor.live.serving import serve_node  # needs ROS, and so does the next
     from irsbot_supervisor.processes.monitoring import Monitor
 
+    with contextlib.suppress(
+        OSError
+    ):  # messages that come meanwhile do not interrupt another process; threads inherit it
+        os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
     with Monitor(int(os.environ.get("ROS_DOMAIN_ID", "0")), name="live_page") as listener:
         gc.freeze()  # what is loaded now stays
         serve_node(listener.node, partial(run, listener), "no page")
