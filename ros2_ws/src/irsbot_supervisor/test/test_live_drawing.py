@@ -13,7 +13,9 @@ import pytest
 from browser import PROGRAM, Browser
 
 import irsbot_kinematics as irs
+from irsbot_kinematics.conformance.samples import Machine
 from irsbot_kinematics.description.robot_record import robot_record
+from irsbot_kinematics.mechanism import Status
 from irsbot_supervisor.live.scene import COLUMNS, drawn
 from irsbot_supervisor.live.server import page
 from irsbot_supervisor.replay.series import MARGINS
@@ -177,3 +179,22 @@ def test_nothing_of_the_page_is_written_again_that_has_not_changed(opened: Brows
     )
     assert written == []
     assert opened.errors == []
+
+
+def test_loci_of_a_robot_in_space_are_drawn_as_a_section_that_says_where_it_is(opened: Browser) -> None:
+    robot = irs.make_robot("orthoglide")
+    at = next(at for at in Machine(robot, 20, 11).postures if at.status == Status.SOLVED)
+    shown = drawn(robot_record(robot), at.working_mode, at.pose)
+    rows = [row(k / HZ, [0.5], pose=list(at.pose)) for k in range(1, 5)]
+    tell(opened, rows, 0.0, {"robot": "orthoglide", "columns": COLUMNS, "limits": [], "view": shown})
+    assert f"section at z = {at.pose[2]:.4g} m" in opened.run("element('view-legend').textContent")
+    type1 = [point for locus in shown["loci"] if locus["kind"] == "type1" for point in locus["points"]]
+    for turn in ([-0.6, 0.5], [0.4, 1.2]):
+        seen = opened.run(
+            f"""(() => {{ View.turn = {turn}; Ground.place = null; Live.frameAt = performance.now(); show();
+            const pen = element("view").getContext("2d"), data = {{ view: Live.view }};
+            const at = (p) => View.to(flat(data, p)).map(Math.floor);
+            return {json.dumps(type1)}.map((p) => pen.getImageData(...at(p), 1, 1).data[3]); }})()"""
+        )
+        assert len(seen) > 50
+        assert np.mean(np.array(seen) > 60) > 0.95

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -10,9 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from irsbot_kinematics.conformance.samples import Machine
+from irsbot_kinematics.description.robot_record import robot_record
+from irsbot_kinematics.mechanism import Status
 from irsbot_msgs_py.cdr import encode_state
 from irsbot_msgs_py.records import Level, SingularityState, unknown_state
 from irsbot_supervisor.bag.journal import write_entry
+from irsbot_supervisor.configuration.loading import read_settings
 from irsbot_supervisor.core.margins import MARGIN_CAUSES
 from irsbot_supervisor.live.feed import HISTORY_S, Feed, Known
 from irsbot_supervisor.live.scene import COLUMNS, Scene, drawn
@@ -151,6 +156,29 @@ def test_the_drawing_is_asked_for_once_and_told_to_every_page(run: Recording) ->
     assert shown["loci"]
     assert {link["joint"] for link in shown["links"] if link["axis"]} == set(scene.joints(state))
     assert "setup" not in told.answer(page)
+
+
+def test_a_section_through_another_height_is_asked_for_while_somebody_looks() -> None:
+    settings, robot = read_settings("orthoglide")
+    postures = [at for at in Machine(robot, 20, 11).postures if at.status == Status.SOLVED]
+    low, high = min(postures, key=lambda at: at.pose[2]), max(postures, key=lambda at: at.pose[2])
+    state = unknown_state((0, 0, 0), "orthoglide", 1, 0, (low.joints, (0.0,) * 3), (3, 0))
+    seen = Observed().look(0.0)._replace(limits=asdict(settings), machine=robot_record(robot), state_age_s=0.0)
+    asked: list[float] = []
+    feed = Feed(lambda _scene, state: asked.append(state.pose[2]))
+    for now_s, at, looked_at, heights in (
+        (0.0, low, False, [low]),
+        (1.0, high, True, [low]),  # a moment later
+        (10.0, low, True, [low]),  # as it is drawn
+        (20.0, high, False, [low]),  # for nobody
+        (30.0, high, True, [low, high]),
+    ):
+        feed.hear(seen._replace(state=state._replace(pose=low.pose)), now_s - 0.02)  # forgets who looked
+        feed.hear(seen._replace(state=state._replace(pose=low.pose)), now_s - 0.01)
+        if looked_at:
+            feed.answer(Known())
+        feed.hear(seen._replace(state=state._replace(joint_position=at.joints, pose=at.pose)), now_s)
+        assert asked == [one.pose[2] for one in heights]
 
 
 def test_other_limits_of_the_same_robot_keep_its_drawing(run: Recording) -> None:

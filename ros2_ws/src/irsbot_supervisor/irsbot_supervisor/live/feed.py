@@ -10,7 +10,7 @@ from math import isfinite
 from typing import Any
 
 from irsbot_kinematics import KinematicsError
-from irsbot_msgs_py.records import CONSUMER_TIMEOUT_S, SingularityState, Verdict, cause_names
+from irsbot_msgs_py.records import CONSUMER_TIMEOUT_S, Floats, SingularityState, Verdict, cause_names
 from irsbot_supervisor.core.margins import MARGIN_CAUSES
 from irsbot_supervisor.core.settings import InvalidSettings
 from irsbot_supervisor.live.extremes import Extremes
@@ -18,6 +18,7 @@ from irsbot_supervisor.live.scene import Scene
 from irsbot_supervisor.processes.observed import Change, Seen
 from irsbot_supervisor.replay.run_summary import margin_of
 from irsbot_supervisor.report.json_values import plain
+from irsbot_supervisor.report.sections import AGAIN_S, elsewhere
 
 HISTORY_S = 30.0
 """s that a page shows."""
@@ -29,7 +30,8 @@ BOX_EVERY = 3
 """Looks between two drawings of the reachable box: it takes longer than the rest, and is drawn for pages alone."""
 
 Draw = Callable[[Scene, SingularityState], None]
-"""Asked once for a robot, with its first known pose, to find what stands still; it answers with `Feed.show`."""
+"""Asked for a robot, with its first known pose, to find what stands still, and again with one at which the loci have
+another section; it answers with `Feed.show`."""
 
 
 @dataclass
@@ -59,7 +61,7 @@ class Feed:
         self._number = 0  # of the setup: it changes when the setup does
         self._scene: Scene | None = None
         self._configured: tuple[Mapping[str, Any], Mapping[str, Any]] = {}, {}
-        self._asked = False
+        self._asked: tuple[Floats, float] | None = None  # pose and time of the newest drawing
         self._box: list[Any] = []
         self._told = False  # since the newest box
 
@@ -70,8 +72,8 @@ class Feed:
         scene, state = self._scene, seen.state if seen.state_age_s <= CONSUMER_TIMEOUT_S else None
         if scene is None or state is None or len(state.joint_position) != len(scene.mechanism.joints):
             state = None
-        elif not self._asked and all(map(isfinite, state.pose)):
-            self._asked = True
+        elif all(map(isfinite, state.pose)) and self._is_elsewhere(scene, state.pose, now_s):
+            self._asked = state.pose, now_s
             self._draw(scene, state)
         self._rows.append(self._row(seen, state, now_s))
         self._count += 1
@@ -127,10 +129,18 @@ class Feed:
         except (KinematicsError, InvalidSettings) as error:  # of another version, or of a file that is not here
             self._scene, setup = None, {"robot": str(seen.machine.get("name", "")), "note": str(error)}
         if before is None or self._scene is None or before.record != self._scene.record:
-            self._asked = False
+            self._asked = None
         else:
             setup["view"] = self._setup.get("view")  # other limits, the same robot
         self._set(setup)
+
+    def _is_elsewhere(self, scene: Scene, pose: Floats, now_s: float) -> bool:
+        """Whether a drawing is due: the first one, and for somebody who looks each whose section is another."""
+        if self._asked is None:
+            return True
+        before, asked_s = self._asked
+        due = self._told and scene.has_sections and now_s - asked_s >= AGAIN_S
+        return due and elsewhere(scene.mechanism, pose, before)
 
     def _set(self, setup: dict[str, Any]) -> None:
         self._setup = plain(setup)

@@ -38,6 +38,7 @@ class Scene:
         self.settings = completed(values, robot)
         self._skeleton = self.mechanism.skeleton()
         self._box = ReachableBox(self.settings)
+        self.has_sections = self.mechanism.loci(self.settings.working_mode) is None
 
     def setup(self) -> dict[str, Any]:
         """Names, units and limits."""

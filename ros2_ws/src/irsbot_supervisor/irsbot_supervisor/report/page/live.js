@@ -15,10 +15,10 @@ function connect() {
 }
 
 function begin(setup) {
+  if (setup.robot !== Live.setup.robot || !Live.setup.view) Ground.place = null;
   Live.setup = setup;
   Live.view = { ...NO_VIEW, ...(setup.view || {}) };
   Live.number += 1;
-  Ground.place = null;
 }
 
 function ask() {
@@ -182,10 +182,7 @@ function notes() {
   const legend_ = element("view-legend"), key = String(Live.number);
   if (!view.task.length || legend_.dataset.key === key) return;
   legend_.dataset.key = key;
-  const kinds = new Set(view.loci.map((locus) => locus.kind)), entries = [];
-  if (kinds.has("type1")) entries.push(["solid", "soft", "Type 1 locus, boundary"]);
-  if (kinds.has("type2")) entries.push(["dashed", "stop-ink", "Type 2 locus"]);
-  entries.push(["solid", "focus", "reachable box: where the platform may get until it stands"]);
+  const entries = [...lociEntries(view), ["solid", "focus", "reachable box: where the platform may get until it stands"]];
   legend_.innerHTML = entries.map(([how, colour, text]) => `<span><i style="border-top:3px ${how} var(--${colour})"></i>${text}</span>`).join("") +
     `<span><i class="ramp" style="background:linear-gradient(90deg,${RAMP})"></i>path by smallest margin, small to large</span>`;
 }

@@ -3,7 +3,7 @@
 // adds what is new of the path, and the mechanism on top.
 
 const PATH_MS = 1000;  // how long the path may be older than the plots
-const Ground = { key: "", picture: null, drawn: -Infinity, until: 0, place: null, most: 0 };
+const Ground = { key: "", picture: null, drawn: -Infinity, until: 0, place: null, number: -1 };
 const NO_VIEW = { task: [], joints: [], places: [], planar: true, links: [], rails: [], loci: [], note: "" };
 
 // rows: [time, level, columns, pose, ...] with `least`, the smallest margin. number: another one for each setup.
@@ -13,13 +13,13 @@ function drawScene(canvas, rows, now, box, view, number) {
   const data = { view, posture: { t: [0], joints, pose: view.task.map((_, k) => [pose[k]]) } };
   const moving = bars(data, 0).flatMap(([from, to]) => [flat(data, from), flat(data, to)]);
   for (const line of box) for (const corner of line) moving.push(flat(data, placed(view, corner)));
-  const place = sight(data, rows, moving), most = above(rows.reduce((before, row) => Math.max(before, row.least), 0)) || 1;
+  const place = sight(data, rows, Ground.number === number ? moving : [...moving, ...lociPoints(data)]), most = above(rows.reduce((before, row) => Math.max(before, row.least), 0)) || 1;
   const key = [at.number, Theme.number, number, most, ...place.middle, ...place.size, ...View.turn].join();
   const whole = key !== Ground.key || performance.now() - Ground.drawn > PATH_MS;
   if (whole) {
     Ground.picture = beside(Ground.picture, at, width, height);
     drawGround(Ground.picture.getContext("2d"), data, place, width, height, em);
-    Object.assign(Ground, { key, drawn: performance.now(), until: -Infinity });
+    Object.assign(Ground, { key, number, drawn: performance.now(), until: -Infinity });
   }
   let first = rows.length;
   while (first > 0 && rows[first - 1][0] > Ground.until) first -= 1;
@@ -41,8 +41,7 @@ function sight(data, rows, moving) {
   const before = Ground.place;
   if (before === null) {
     const path = rows.map((row) => placed(data.view, row[3])).filter(known).map((p) => flat(data, p));
-    const loci = data.view.loci.flatMap((locus) => locus.points).filter((p) => known(p[0]));
-    const all = [...loci, ...path, ...moving];
+    const all = [...lociPoints(data), ...path, ...moving];
     const found = around(all);
     if (all.length) Ground.place = found;
     return found;

@@ -67,6 +67,18 @@ function flat(data, p) {
   return [x, Math.cos(b) * p[2] + Math.sin(b) * y];
 }
 
+// A point of a locus on the plane of the picture: loci of robots in space are a section of theirs.
+const onPicture = (data, p) => (data.view.planar || p[0] === null ? p : flat(data, p));
+const lociPoints = (data) => data.view.loci.flatMap((locus) => locus.points).filter((p) => p[0] !== null).map((p) => onPicture(data, p));
+
+// Entries of the legend: [kind of line, colour, text].
+function lociEntries({ loci, section }) {
+  const kinds = new Set(loci.map((locus) => locus.kind)), at = section ? `, section at ${section}` : "", found = [];
+  if (kinds.has("type1")) found.push(["solid", "soft", `Type 1 locus, boundary${at}`]);
+  if (kinds.has("type2")) found.push(["dashed", "stop-ink", `Type 2 locus${at}`]);
+  return found;
+}
+
 function extent(data) {
   const points = [];
   for (let row = 0; row < data.posture.t.length; row += 1 + Math.floor(data.posture.t.length / 400)) {
@@ -74,7 +86,7 @@ function extent(data) {
     if (p) points.push(flat(data, p));
   }
   if (View.fit === "all" || !points.length) {
-    for (const locus of data.view.loci) for (const p of locus.points) if (p[0] !== null) points.push(p);
+    points.push(...lociPoints(data));
     const rows = data.posture.t.length;
     for (const row of [0, rows >> 1, rows - 1]) {
       for (const [from, to] of bars(data, row)) points.push(flat(data, from), flat(data, to));
@@ -116,7 +128,7 @@ function drawGround(pen, data, { middle, size }, width, height, em) {
     pen.strokeStyle = locus.kind === "type1" ? theme("soft") : theme("stop-ink");
     pen.lineWidth = 1.6;
     pen.setLineDash(locus.kind === "type1" ? [] : [6, 3]);
-    curve(pen, locus.points, to);
+    curve(pen, locus.points.map((p) => onPicture(data, p)), to);
   }
   pen.setLineDash([]);
 }

@@ -83,11 +83,8 @@ function build(data) {
     return figure;
   });
   element("tracks").replaceChildren(element("strip"), ...figures, element("cursor"));
-  const kinds = new Set(data.view.loci.map((locus) => locus.kind)), legend = [];
-  if (kinds.has("type1")) legend.push(["soft", "solid", "Type 1 locus, boundary"]);
-  if (kinds.has("type2")) legend.push(["stop-ink", "dashed", "Type 2 locus"]);
   const most = Math.max(...maximum(data.posture.margin)).toFixed(2);
-  element("view-legend").innerHTML = legend.map(([colour, how, text]) => `<span><i style="border-top:3px ${how} var(--${colour})"></i>${text}</span>`).join("") +
+  element("view-legend").innerHTML = lociEntries(data.view).map(([how, colour, text]) => `<span><i style="border-top:3px ${how} var(--${colour})"></i>${text}</span>`).join("") +
     `<span><i class="ramp" style="background:linear-gradient(90deg,${RAMP})"></i>path by smallest margin, 0 to ${most}</span>` +
     "<span>changes to ● OK ▲ WARN ■ STOP ◆ UNKNOWN</span>";
   element("view-note").textContent = data.view.note + (data.view.planar ? "" : " Drag turns the view.");
