@@ -22,7 +22,7 @@ from irsbot_supervisor.replay.series import MARGINS
 
 pytestmark = pytest.mark.skipif(PROGRAM is None, reason="needs Chromium: apt install chromium")
 
-SILENT = "<script>WebSocket = class { static OPEN = 1; readyState = 1; send() {} };</script>"
+SILENT = "<script>WebSocket = class { static OPEN = 1; readyState = 1; asked = 0; send() { this.asked++; } };</script>"
 """A server that says nothing: the tests say it."""
 
 HZ = 31
@@ -98,8 +98,7 @@ def tell(browser: Browser, rows: list[list[Any]], t: float, setup: dict[str, Any
     if setup:
         frames[0]["setup"] = setup
     browser.run(
-        f"for (const one of {json.dumps(frames)}) {{ Live.askedAt = performance.now(); hear(one); show(); }}"
-        "cancelAnimationFrame(Live.drawing)"
+        f"for (const one of {json.dumps(frames)}) {{ ask(); hear(one); show(); }}cancelAnimationFrame(Live.drawing)"
     )
 
 
@@ -179,6 +178,20 @@ def test_nothing_of_the_page_is_written_again_that_has_not_changed(opened: Brows
     )
     assert written == []
     assert opened.errors == []
+
+
+def test_a_page_asks_again_with_the_last_frame_it_was_promised_and_ages_each_by_its_time(opened: Browser) -> None:
+    now = {"level": "OK", "silent": False, "verdict_hz": 100, "state_hz": 1000, "joints": {}}
+    found = opened.run(
+        f"""(() => {{ const found = [], now = {json.dumps(now)}, asked = Live.socket.asked;
+        Live.askedAt = performance.now() - 600; Live.firstT = null;
+        for (const [t, left] of [[5, 2], [5.4, 1], [5.5, 0]]) {{
+            hear({{ now: {{ ...now, t }}, rows: [], left }});
+            found.push([present(), Live.socket.asked - asked]);
+        }}
+        return found; }})()"""
+    )
+    assert found == [[False, 0], [True, 0], [True, 1]]
 
 
 def test_loci_of_a_robot_in_space_are_drawn_as_a_section_that_says_where_it_is(opened: Browser) -> None:

@@ -4,7 +4,7 @@
 
 const OLD_MS = 500, RETRY_MS = 1000, WATCH_MS = 100;
 const READ_MS = 250;  // between two sets of figures that nobody reads faster
-const Live = { socket: null, askedAt: -Infinity, frameAt: -Infinity, readAt: -Infinity, now: null, setup: {}, view: NO_VIEW, verdict: null, box: [], rows: [], changes: [], number: 0, drawing: null };
+const Live = { socket: null, askedAt: -Infinity, firstT: null, frameAt: -Infinity, readAt: -Infinity, now: null, setup: {}, view: NO_VIEW, verdict: null, box: [], rows: [], changes: [], number: 0, drawing: null };
 
 function connect() {
   const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/live`);
@@ -24,11 +24,13 @@ function begin(setup) {
 function ask() {
   if (Live.socket === null || Live.socket.readyState !== WebSocket.OPEN) return;
   Live.askedAt = performance.now();
+  Live.firstT = null;
   Live.socket.send("");
 }
 
 function hear({ setup, changes, verdict, box, rows, now, left }) {
-  Live.frameAt = Live.askedAt;
+  Live.firstT ??= now.t;
+  Live.frameAt = Live.askedAt + 1e3 * (now.t - Live.firstT);  // the first of the frames was true after the question
   if (setup) begin(setup);
   if (changes) Live.changes = changes;
   if (verdict !== undefined) Live.verdict = verdict;
