@@ -97,7 +97,7 @@ def test_the_page_shows_the_run_as_it_is(browser: Browser, domain: int) -> None:
     browser.until(f"{list(LEVELS)}.includes({SAID})")
     with Operator(domain, patience_s=PATIENCE_S) as operator:
         verdict = operator.verdict()
-    browser.until(f"Live.now.verdict && Live.now.verdict.event >= {verdict.event}")
+    browser.until(f"Live.verdict && Live.verdict.event >= {verdict.event}")
     # one frame and what is shown of it, taken together
     said, stated, tiles, last = browser.run(
         "new Promise((done) => (function look() {"

@@ -115,12 +115,12 @@ def test_margins_stand_beside_the_limits_of_the_run(browser: Browser) -> None:
 
 def test_the_mechanism_moves_as_the_joints_do(browser: Browser) -> None:
     browser.until(POSTURE)
-    first = browser.run("[Live.rows.at(-1)[4], document.getElementById('view').toDataURL()]")
+    first = browser.run("[Live.now.joints, document.getElementById('view').toDataURL()]")
     joint = next(iter(first[0]))
-    browser.until(f"{POSTURE} && Math.abs(Live.rows.at(-1)[4]['{joint}'] - {first[0][joint]}) > 0.05")
+    browser.until(f"{POSTURE} && Math.abs(Live.now.joints['{joint}'] - {first[0][joint]}) > 0.05")
     browser.settle()
     assert browser.run("document.getElementById('view').toDataURL()") != first[1]
-    pose, joints = browser.run("[Live.rows.at(-1)[3], Live.rows.at(-1)[4]]")
+    pose, joints = browser.run("[Live.rows.at(-1)[3], Live.now.joints]")
     robot = irs.make_robot("irsbot2")
     at = robot.direct([joints[one.name] for one in robot.mechanism.joints])
     assert list(at) == pytest.approx(pose, abs=1e-6)

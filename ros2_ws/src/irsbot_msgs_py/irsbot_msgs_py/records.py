@@ -7,6 +7,7 @@ Times are integer nanoseconds. `seen_ns` is the steady clock of the receiver, `s
 from __future__ import annotations
 
 from enum import IntEnum, IntFlag
+from functools import lru_cache
 from math import nan
 from typing import NamedTuple
 
@@ -52,6 +53,7 @@ class Cause(IntFlag):
     INTERNAL = 524288
 
 
+@lru_cache(maxsize=1024)
 def cause_names(causes: int) -> str:
     """Names of the causes in a bit mask."""
     return ", ".join(cause.name or "" for cause in Cause if cause and causes & cause)

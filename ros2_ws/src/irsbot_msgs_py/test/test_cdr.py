@@ -124,6 +124,37 @@ def test_verdicts_of_earlier_versions_and_ours_may_alternate():
         assert read[:12] == VERDICT[:12]
 
 
+CHANGES = st.fixed_dictionaries(
+    {},
+    optional={
+        "stamp_ns": st.integers(0, 2**40),
+        "sequence": st.integers(0, 2**64 - 1),
+        "text": st.sampled_from(["", "stop", "halt"]),
+        "escape_direction": st.sampled_from([(), (0.6, -0.8)]),
+        "latched": st.booleans(),
+        "findings": st.sampled_from([(), (FINDING,), (FINDING._replace(value=0.02),)]),
+        "bypass_left": st.sampled_from([0.0, 7.5]),
+    },
+)
+
+
+@given(st.lists(CHANGES, max_size=20))
+def test_a_reader_of_a_stream_of_verdicts_reads_what_each_says(changes: list[dict[str, object]]):
+    reader, verdict = cdr.VerdictReader(), VERDICT
+    for change in changes:
+        verdict = verdict._replace(**change)
+        assert reader.read(cdr.encode_verdict(verdict)) == verdict
+
+
+def test_a_reader_of_verdicts_refuses_what_is_cut_and_goes_on():
+    reader, data = cdr.VerdictReader(), cdr.encode_verdict(VERDICT)
+    assert reader.read(data) == VERDICT
+    for end in (0, 3, 11, 40, len(data) - 40):
+        with pytest.raises(cdr.CdrError):
+            reader.read(data[:end])
+    assert reader.read(data) == VERDICT
+
+
 @pytest.mark.parametrize("name", DECODERS)
 @given(edits=st.lists(st.tuples(st.integers(0, 10_000), st.binary(min_size=1, max_size=8)), min_size=1, max_size=6))
 def test_damaged_bytes_are_read_or_refused_but_never_raise_anything_else(name: str, edits: list[tuple[int, bytes]]):

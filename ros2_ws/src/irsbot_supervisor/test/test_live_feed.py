@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -10,13 +11,19 @@ from typing import Any
 import numpy as np
 import pytest
 
+from irsbot_kinematics.conformance.samples import Machine
+from irsbot_kinematics.description.robot_record import robot_record
+from irsbot_kinematics.mechanism import Status
 from irsbot_msgs_py.cdr import encode_state
-from irsbot_msgs_py.records import Level, SingularityState
+from irsbot_msgs_py.records import Level, SingularityState, unknown_state
 from irsbot_supervisor.bag.journal import write_entry
+from irsbot_supervisor.configuration.loading import read_settings
+from irsbot_supervisor.core.margins import MARGIN_CAUSES
 from irsbot_supervisor.live.feed import HISTORY_S, Feed, Known
-from irsbot_supervisor.live.scene import Scene, drawn
+from irsbot_supervisor.live.scene import COLUMNS, Scene, drawn
 from irsbot_supervisor.processes.observed import Observed
 from irsbot_supervisor.replay.rejudge import Recording, read_recording
+from irsbot_supervisor.replay.run_summary import margin_of
 
 BAGS = Path(__file__).resolve().parents[4] / "bags"
 FRAME_S = 1.0 / 30.0
@@ -47,7 +54,7 @@ class Told:
         while self._messages and self._messages[0][0] * 1e-9 <= self.now_s:
             time_ns, message = self._messages.pop(0)
             if isinstance(message, SingularityState):
-                self.observed.hear_state(encode_state(message), time_ns * 1e-9)
+                self.observed.hear_states([encode_state(message)], [time_ns * 1e-9])
             else:
                 self.observed.hear_verdict(message, time_ns * 1e-9)
         self.feed.hear(self.observed.look(self.now_s), self.now_s)
@@ -66,7 +73,8 @@ def test_it_tells_the_newest_state_and_its_limits(run: Recording) -> None:
     told = Told(run)
     told.play()
     last, answer = run.states[-1], told.answer()
-    _time, level, columns, pose, joints = answer["rows"][-1]
+    _time, level, columns, pose, _low, _high = answer["rows"][-1]
+    joints = answer["now"]["joints"]
     assert level == run.verdicts[-1][1].level.name
     assert columns[:2] == pytest.approx([min(last.type1_margin), last.type2_margin], rel=1e-8)
     assert pose == pytest.approx(last.pose, rel=1e-8)
@@ -75,6 +83,23 @@ def test_it_tells_the_newest_state_and_its_limits(run: Recording) -> None:
     limits = {(one["of"], one["kind"]): one["value"] for one in answer["setup"]["limits"]}
     assert limits["Type 2 margin", "stop"] == settings["type2_stop"]
     assert answer["now"]["stop_limit"] == last.stop_limit
+
+
+def test_a_verdict_is_told_when_it_says_something_else(run: Recording) -> None:
+    told, page = Told(run), Known()
+    told.play()
+    last = run.verdicts[-1][1]
+    assert told.answer(page)["verdict"]["text"] == last.text
+    for verdict, said in (
+        (last._replace(sequence=last.sequence + 1, stamp_ns=last.stamp_ns + 1), False),
+        (last._replace(speed_scale=0.25), True),
+        (last._replace(speed_scale=0.25, findings=()), True),
+    ):
+        told.observed.hear_verdict(verdict, told.now_s)
+        told.look()
+        answer = told.answer(page)
+        assert ("verdict" in answer) == said
+    assert answer["verdict"]["findings"] == []
 
 
 def test_pages_that_ask_seldom_and_often_get_the_same_rows(run: Recording) -> None:
@@ -89,6 +114,7 @@ def test_pages_that_ask_seldom_and_often_get_the_same_rows(run: Recording) -> No
     assert len(rows["often"]) == 60
     again = told.answer(often)
     assert again["rows"] == []
+    assert "verdict" not in again
     assert "setup" not in again
     assert "changes" not in again
 
@@ -114,8 +140,9 @@ def test_silence_is_unknown_and_shows_no_posture(run: Recording) -> None:
     after = told.answer()
     assert after["now"]["level"] == "UNKNOWN"
     assert after["now"]["silent"] is True
-    assert after["rows"][-1][1:] == ["UNKNOWN", [], [], {}]
-    assert after["now"]["box"] == []
+    assert after["rows"][-1][1:] == ["UNKNOWN", [], [], [], []]
+    assert after["box"] == []
+    assert after["now"]["joints"] == {}
 
 
 def test_the_drawing_is_asked_for_once_and_told_to_every_page(run: Recording) -> None:
@@ -129,6 +156,29 @@ def test_the_drawing_is_asked_for_once_and_told_to_every_page(run: Recording) ->
     assert shown["loci"]
     assert {link["joint"] for link in shown["links"] if link["axis"]} == set(scene.joints(state))
     assert "setup" not in told.answer(page)
+
+
+def test_a_section_through_another_height_is_asked_for_while_somebody_looks() -> None:
+    settings, robot = read_settings("orthoglide")
+    postures = [at for at in Machine(robot, 20, 11).postures if at.status == Status.SOLVED]
+    low, high = min(postures, key=lambda at: at.pose[2]), max(postures, key=lambda at: at.pose[2])
+    state = unknown_state((0, 0, 0), "orthoglide", 1, 0, (low.joints, (0.0,) * 3), (3, 0))
+    seen = Observed().look(0.0)._replace(limits=asdict(settings), machine=robot_record(robot), state_age_s=0.0)
+    asked: list[float] = []
+    feed = Feed(lambda _scene, state: asked.append(state.pose[2]))
+    for now_s, at, looked_at, heights in (
+        (0.0, low, False, [low]),
+        (1.0, high, True, [low]),  # a moment later
+        (10.0, low, True, [low]),  # as it is drawn
+        (20.0, high, False, [low]),  # for nobody
+        (30.0, high, True, [low, high]),
+    ):
+        feed.hear(seen._replace(state=state._replace(pose=low.pose)), now_s - 0.02)  # forgets who looked
+        feed.hear(seen._replace(state=state._replace(pose=low.pose)), now_s - 0.01)
+        if looked_at:
+            feed.answer(Known())
+        feed.hear(seen._replace(state=state._replace(joint_position=at.joints, pose=at.pose)), now_s)
+        assert asked == [one.pose[2] for one in heights]
 
 
 def test_other_limits_of_the_same_robot_keep_its_drawing(run: Recording) -> None:
@@ -153,7 +203,8 @@ def test_a_robot_that_cannot_be_built_is_named_with_the_reason(run: Recording) -
     setup = told.answer()["setup"]
     assert setup["robot"] == entry.machine["name"]
     assert setup["note"]
-    assert told.answer()["rows"][-1][2:] == [[], [], {}]
+    assert told.answer()["rows"][-1][2:] == [[], [], [], []]
+    assert told.answer()["now"]["joints"] == {}
 
 
 def test_nothing_heard_is_no_level_but_unknown() -> None:
@@ -161,9 +212,58 @@ def test_nothing_heard_is_no_level_but_unknown() -> None:
     feed.hear(Observed().look(5.0), 5.0)
     told = json.loads(feed.answer(Known()))
     assert told["now"]["level"] == Level.UNKNOWN.name
-    assert told["now"]["verdict"] is None
+    assert told["verdict"] is None
     assert told["now"]["verdict_age_s"] is None
-    assert told["rows"] == [[5.0, "UNKNOWN", [], [], {}]]
+    assert told["rows"] == [[5.0, "UNKNOWN", [], [], [], []]]
+
+
+def test_no_margin_between_two_looks_is_hidden(run: Recording) -> None:
+    """Each row holds the smallest and the largest of every state since the row before, read one by one."""
+    told, known, spans = Told(run), Known(), []
+    while told._messages:
+        until_s = told.now_s + FRAME_S
+        between = [one for ns, one in told._messages if ns * 1e-9 <= until_s and isinstance(one, SingularityState)]
+        told.look()
+        (row,) = told.answer(known)["rows"]
+        margins = np.array([_columns(state) for state in between]).reshape(-1, len(COLUMNS))
+        finite = np.isfinite(margins)
+        for column, (low, high) in enumerate(zip(row[4], row[5], strict=True)):
+            values = margins[finite[:, column], column]
+            assert [low, high] == (pytest.approx([values.min(), values.max()]) if len(values) else [None, None])
+            spans += [high - low] if len(values) else []
+        assert bool(row[4]) == bool(between)
+    assert max(spans) > 1e-3  # one value per look would not have told
+
+
+def _columns(state: SingularityState) -> list[float]:
+    return [*[margin_of(state, kind) for kind in MARGIN_CAUSES], state.stop_margin]
+
+
+def test_a_dip_of_one_sample_and_a_stop_of_one_verdict_stay_in_their_row(run: Recording) -> None:
+    told, known = Told(run), Known()
+    told.look()
+    while not told.answer()["rows"][-1][2]:
+        told.look()
+    told.answer(known)
+    state = run.states[0]._replace(seen_ns=0)
+    calm, dip = (state._replace(type2_margin=value, limb_margin=()) for value in (0.5, 0.01))
+    unknown = unknown_state((0, 0, 0), state.robot, 7, 0, ((0.0,) * 3, ()), (1, 2))  # another layout
+    stop = run.verdicts[0][1]._replace(level=Level.STOP)
+    shifted = dip._replace(pose=(0.0,), pressure_angle=(*dip.pressure_angle, 0.0), type2_margin=0.005)
+    assert len(encode_state(shifted)) == len(encode_state(dip))  # with margins at other places
+    for one in (calm, dip, shifted, unknown, calm):
+        told.observed.hear_states([encode_state(one)], [told.now_s])
+    told.observed.hear_states([encode_state(calm)[:40]], [told.now_s])
+    for verdict in (stop, stop._replace(level=Level.OK)):
+        told.observed.hear_verdict(verdict, told.now_s)
+    told.observed.hear_states([encode_state(calm)], [told.now_s])
+    told.feed.hear(told.observed.look(told.now_s + 0.001), told.now_s + 0.001)
+    (row,) = told.answer(known)["rows"]
+    assert [row[part][1] for part in (2, 4, 5)] == [0.5, 0.005, 0.5]
+    assert row[1] == "STOP"
+    assert told.answer(known)["now"]["level"] == "OK"
+    told.feed.hear(told.observed.look(told.now_s + 0.002), told.now_s + 0.002)
+    assert told.answer(known)["rows"][-1][1] == "OK"
 
 
 def test_the_reachable_box_holds_the_rest_of_every_stop(run: Recording) -> None:

@@ -15,7 +15,7 @@ from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from irsbot_supervisor.live import server
-from irsbot_supervisor.live.server import LivePage, names_us, page
+from irsbot_supervisor.live.server import FRAMES, LivePage, names_us, page
 from irsbot_supervisor.processes.observed import Observed, Seen
 
 PATIENCE_S = 60.0
@@ -57,8 +57,26 @@ def test_each_question_is_answered_with_a_look_that_came_after_it() -> None:
             for _ in range(3):
                 before = listener.looks
                 await socket.send("")
-                told = json.loads(await socket.recv())
-                assert told["now"]["verdict_hz"] > before
+                for left in reversed(range(FRAMES)):
+                    told = json.loads(await socket.recv())
+                    assert told["now"]["verdict_hz"] > before
+                    assert told["left"] == left
+                    before = told["now"]["verdict_hz"]
+
+    served(visit)
+
+
+def test_who_asks_once_is_told_a_few_frames_and_no_more() -> None:
+    async def visit(port: int, listener: Listener) -> None:
+        async with connect(f"ws://127.0.0.1:{port}/live") as socket:
+            await socket.send("")
+            for _ in range(FRAMES):
+                await socket.recv()
+            more, begin = asyncio.create_task(socket.recv()), listener.looks
+            while listener.looks < begin + 3:
+                await asyncio.sleep(0)
+            assert not more.done()
+            more.cancel()
 
     served(visit)
 

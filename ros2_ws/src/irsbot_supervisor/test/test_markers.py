@@ -23,8 +23,9 @@ from irsbot_kinematics.conformance.samples import Machine
 from irsbot_kinematics.mechanism import Status
 from irsbot_msgs_py.records import Level
 from irsbot_supervisor.nodes.later import Steps
-from irsbot_supervisor.nodes.loci import AGAIN_S, FIRST, TURN, Asked, Loci, drawn, segments
+from irsbot_supervisor.nodes.loci import FIRST, Asked, Loci, drawn, segments
 from irsbot_supervisor.processes.worker import Task, WorkerError
+from irsbot_supervisor.report.sections import AGAIN_S, SHIFT, TURN
 
 pytestmark = pytest.mark.ros
 
@@ -97,8 +98,8 @@ def _reaches(robot: irs.Robot, pose: tuple[float, float]) -> bool:
     return True
 
 
-@pytest.mark.parametrize(("name", "numbers"), [("five_bar", [10, 11]), ("rrr3", [10, 11, 12]), ("linear_delta", [])])
-def test_loci_are_those_of_the_plane_and_say_at_which_turn(name: str, numbers: list[int]) -> None:
+@pytest.mark.parametrize(("name", "numbers"), [("five_bar", [10, 11]), ("rrr3", [10, 11, 12]), ("ruu4", [10, 11, 12])])
+def test_loci_are_those_of_the_plane_and_say_at_which_turn_and_height(name: str, numbers: list[int]) -> None:
     robot = irs.make_robot(name)
     at = next(at for at in Machine(robot, 20, 11).postures if at.status == Status.SOLVED)
     message = drawn(Asked(robot, at.working_mode, at.pose, "base", "here"))
@@ -107,6 +108,19 @@ def test_loci_are_those_of_the_plane_and_say_at_which_turn(name: str, numbers: l
     assert all(len(marker.points) > 10 and len(marker.points) % 2 == 0 for marker in found[:2])
     if name == "rrr3":
         assert found[2].text == f"loci at phi = {at.pose[2]:.2f} rad"
+    if name == "ruu4":
+        assert found[2].text == f"section of the loci at z = {at.pose[2]:.2f} m, phi = {at.pose[3]:.2f} rad"
+        assert {point.z for marker in found[:2] for point in marker.points} == {at.pose[2]}
+
+
+def test_a_section_without_a_kind_of_locus_deletes_its_marker() -> None:
+    robot = irs.make_robot("linear_delta")
+    at = next(at for at in Machine(robot, 20, 11).postures if at.status == Status.SOLVED)
+    type1, type2, _text = deserialize_message(
+        drawn(Asked(robot, at.working_mode, at.pose, "base", "here")), MarkerArray
+    ).markers
+    assert (type1.action, bool(type1.points)) == (Marker.ADD, True)
+    assert (type2.action, bool(type2.points)) == (Marker.DELETE, False)
 
 
 def test_a_thinned_curve_keeps_its_ends_and_its_interruption() -> None:
@@ -145,6 +159,12 @@ def test_a_section_is_found_again_where_the_platform_has_turned_but_seldom() -> 
     assert loci.message == b"found"
     loci.want((0.0, 0.0, 2.0 * TURN), 2.0 * AGAIN_S)
     assert len(worked.asked) == 2
+    delta = irs.make_robot("linear_delta")
+    height = SHIFT * delta.mechanism.length_m
+    risen = Loci(node, later, delta, delta.mechanism.usual_working_mode, "base")
+    for z, time_s, asked in ((0.1, 0.0, 3), (0.1 + 0.5 * height, 100.0, 3), (0.1 + 2.0 * height, 200.0, 4)):
+        risen.want((0.0, 0.0, z), time_s)
+        assert len(worked.asked) == asked
     with pytest.raises(StopIteration):
         worked.asked[1].throw(WorkerError("no memory"))  # no verdict depends on it
     assert loci.message == b"found"

@@ -32,7 +32,7 @@ def heard(run: Recording, count: int = 10_000) -> tuple[Observed, float]:
     for entry in run.journal:
         observed.hear_journal(write_entry(entry))
     for state in run.states[:count]:
-        observed.hear_state(encode_state(state), state.seen_ns * 1e-9)
+        observed.hear_states([encode_state(state)], [state.seen_ns * 1e-9])
     now_s = 0.0
     for log_ns, verdict in run.verdicts[:count]:
         now_s = (log_ns - run.sessions[0].ahead_ns) * 1e-9
@@ -87,14 +87,14 @@ def test_without_verdicts_the_level_is_unknown() -> None:
 def test_rates_count_the_last_second(run: Recording) -> None:
     observed = Observed()
     for number in range(500):
-        observed.hear_state(encode_state(run.states[0]), number * 0.01)
+        observed.hear_states([encode_state(run.states[0])], [number * 0.01])
     assert observed.look(4.99).state_hz == pytest.approx(100.0, abs=2.0)
     assert observed.look(9.0).state_hz == 0.0
 
 
 def test_damaged_messages_change_nothing() -> None:
     observed = Observed()
-    observed.hear_state(b"nonsense", 1.0)
+    observed.hear_states([b"nonsense"], [1.0])
     observed.hear_journal("nonsense")
     assert observed.look(1.0).state is None
     assert observed.look(1.0).limits == {}

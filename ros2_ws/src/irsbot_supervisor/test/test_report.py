@@ -6,6 +6,7 @@ import contextlib
 import json
 import re
 import sys
+from collections.abc import Sequence
 from dataclasses import replace
 from math import isfinite
 from pathlib import Path
@@ -239,18 +240,19 @@ def solved(robot: irs.Robot) -> list[Posture]:
 
 
 @pytest.mark.parametrize("name", irs.robots())
-def test_every_robot_has_its_drawing_and_the_planar_ones_their_loci(name: str) -> None:
+def test_every_robot_has_its_drawing_and_its_loci(name: str) -> None:
     mechanism = irs.make_robot(name).mechanism
     at = solved(irs.make_robot(name))[0]
     shown = plain(view(mechanism, at.working_mode, np.array([at.pose])))
     assert shown["links"]
-    assert bool(shown["loci"]) == shown["planar"]
+    assert shown["loci"]
+    assert bool(shown["section"]) == (not shown["planar"])
     assert shown["planar"] == ({one.name for one in mechanism.task} - {"phi"} != {"x", "y", "z"})
     for locus in shown["loci"]:
-        assert all(len(point) == 2 for point in locus["points"])
+        assert all(len(point) == 2 + (not shown["planar"]) for point in locus["points"])
 
 
-@pytest.mark.parametrize("name", ["rrr3", "rpr3"])
+@pytest.mark.parametrize("name", ["rrr3", "rpr3", "orthoglide", "uranesx", "ruu4"])
 def test_a_locus_on_a_grid_is_where_the_margin_vanishes(name: str) -> None:
     """A pose on a Type 2 locus has a Type 2 margin near 0, found by the inverse kinematics alone."""
     robot = irs.make_robot(name)
@@ -263,13 +265,55 @@ def test_a_locus_on_a_grid_is_where_the_margin_vanishes(name: str) -> None:
     ]
     assert points
     margins = []
-    for x, y in points[:: max(1, len(points) // 20)]:
+    for x, y, *rest in points[:: max(1, len(points) // 20)]:
+        assert rest == pytest.approx([at.pose[2]] * len(rest), rel=1e-8)
         with contextlib.suppress(irs.Unreachable):
-            pose = (x, y, at.pose[2])
+            pose = (x, y, *at.pose[2:])
             joints = robot.inverse(pose, at.working_mode)
             margins.append(min(robot.mechanism.at(tuple(joints), pose, at.assembly_mode, (1.0, 1.0)).cos_pressure))
     assert margins
     assert np.median(margins) < 0.02
+
+
+@pytest.mark.parametrize("name", ["orthoglide", "linear_delta", "triaglide", "hybridglide", "uranesx", "ruu4"])
+def test_the_boundary_of_a_section_parts_what_is_reached_from_what_is_not(name: str) -> None:
+    """A step aside from the middle of a chord, either way, by the inverse kinematics alone."""
+    robot = irs.make_robot(name)
+    for at in solved(robot)[:3]:
+        loci_ = view(robot.mechanism, at.working_mode, np.array([at.pose]))["loci"]
+        parted = chords = 0
+        for points in (np.array(locus["points"]) for locus in loci_ if locus["kind"] == "type1"):
+            size = np.ptp(points[:, :2], axis=0).max()
+            for (x, y, _z), (to_x, to_y, _) in zip(points[:-1:5], points[1::5], strict=False):
+                long = np.hypot(to_x - x, to_y - y)
+                if long > 1e-3 * size:
+                    aside = 0.01 * size / long
+                    sides = [
+                        (0.5 * (x + to_x) + way * (y - to_y), 0.5 * (y + to_y) + way * (to_x - x))
+                        for way in (aside, -aside)
+                    ]
+                    parted += len({_reached(robot, (*side, *at.pose[2:]), at.working_mode) for side in sides}) == 2
+                    chords += 1
+        assert parted > 0.8 * chords > 5  # others are too near a corner
+
+
+def _reached(robot: irs.Robot, pose: Sequence[float], mode: Sequence[int]) -> bool:
+    try:
+        robot.inverse(pose, mode)
+    except irs.Unreachable:
+        return False
+    return True
+
+
+def test_a_section_of_surfaces_is_taken_where_it_is_asked_for() -> None:
+    robot = irs.make_robot("orthoglide")
+    low, high = sorted(solved(robot)[:2], key=lambda at: at.pose[2])
+    poses = np.array([low.pose, high.pose])
+    shown = view(robot.mechanism, low.working_mode, poses, low.pose)
+    (height,) = {point[2] for locus in shown["loci"] for point in locus["points"]}
+    assert height == pytest.approx(low.pose[2], rel=1e-8)
+    assert shown["section"] == f"z = {low.pose[2]:.4g} m"
+    assert shown["section"] in shown["note"]
 
 
 def test_a_mechanism_without_a_skeleton_is_drawn_as_a_point_with_a_note(

@@ -67,6 +67,8 @@ def test_a_run_of_every_mechanism_renders(name: str, browser: Browser, tmp_path:
     assert all(browser.run(DRAWN))
     assert browser.run("Run.data.view.links.length") > 0
     assert browser.run("bars(Run.data, Run.data.posture.t.length - 1).length") > 3
+    stated = browser.run("document.getElementById('view-legend').textContent")
+    assert ("section at z = " in stated) == (not browser.run("Run.data.view.planar"))
     browser.resize(400, 800)
     browser.settle()
     assert browser.run("document.documentElement.scrollWidth") <= 400

@@ -38,6 +38,7 @@ class Scene:
         self.settings = completed(values, robot)
         self._skeleton = self.mechanism.skeleton()
         self._box = ReachableBox(self.settings)
+        self.has_sections = self.mechanism.loci(self.settings.working_mode) is None
 
     def setup(self) -> dict[str, Any]:
         """Names, units and limits."""
@@ -67,19 +68,22 @@ class Scene:
         forward, backward = self._box.until_rest(speeds, free_s)
         ends = [(q - back, q + ahead) for q, back, ahead in zip(state.joint_position, backward, forward, strict=True)]
         steps = EDGE_STEPS if len(ends) == 2 else 1
+        places = {corner: self._place(corner, state.assembly_mode) for corner in product(*ends)}
         lines = []
-        for corner, other in combinations(product(*ends), 2):
+        for corner, other in combinations(places, 2):
             if sum(a != b for a, b in zip(corner, other, strict=True)) == 1:
-                line = [self._place(corner, other, step / steps, state.assembly_mode) for step in range(steps + 1)]
-                if not all(line):
-                    return []
-                lines.append(line)
-        return lines
+                inner = [self._place(_between(corner, other, k / steps), state.assembly_mode) for k in range(1, steps)]
+                lines.append([places[corner], *inner, places[other]])
+        return lines if all(map(all, lines)) else []
 
-    def _place(self, corner: Floats, other: Floats, share: float, assembly: int) -> Floats:
-        """Task coordinates at a point of an edge; empty where there is no posture."""
-        at = self.mechanism.posture([a + share * (b - a) for a, b in zip(corner, other, strict=True)], assembly)
+    def _place(self, joints: Sequence[float], assembly: int) -> Floats:
+        """Task coordinates of a posture; empty where there is none."""
+        at = self.mechanism.posture(joints, assembly)
         return at.pose if at.status == Status.SOLVED else ()
+
+
+def _between(corner: Floats, other: Floats, share: float) -> list[float]:
+    return [a + share * (b - a) for a, b in zip(corner, other, strict=True)]
 
 
 def drawn(record: Mapping[str, Any], mode: Signs, pose: Sequence[float]) -> dict[str, Any]:

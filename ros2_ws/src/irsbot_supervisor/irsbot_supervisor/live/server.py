@@ -1,13 +1,14 @@
 """Serves the live page and feeds it.
 
-A page asks for each frame and is told the newest, so that a slow one falls behind in no queue: what it shows was true
-after it had asked. What a page says is never read.
+A page asks for the next few frames and each tells the newest, so that a slow one falls behind in no queue: what it
+shows was true after it had asked. What a page says is never read.
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+import gc
 import ipaddress
 import os
 import socket
@@ -35,7 +36,10 @@ if TYPE_CHECKING:
 FRAME_S = 1.0 / 31.0
 """s between two looks, and between two frames of a page: a little less than at 30 Hz, so that 30 arrive."""
 
-SCRIPTS = ("plots.js", "mechanism.js", "live.js")
+FRAMES = 3
+"""Frames for which a page asks at once: a tenth of a second. To hear a question costs as much as to tell a frame."""
+
+SCRIPTS = ("plots.js", "mechanism.js", "live_plots.js", "live_view.js", "live.js")
 LARGEST_QUESTION = 16
 """Bytes of what a page may say."""
 
@@ -46,7 +50,7 @@ class LivePage:
     def __init__(self, listener: Monitor) -> None:
         self._listener, self._worker = listener, Worker()
         self._feed = Feed(self._draw)
-        self._looked = asyncio.Condition()
+        self._looked = asyncio.Event()
         self._ended = False
         self._page = page()
         self._host = ""
@@ -64,14 +68,12 @@ class LivePage:
                     begin = time.monotonic()
                     while True:
                         self._feed.hear(self._listener.take(), time.monotonic())
-                        async with self._looked:
-                            self._looked.notify_all()
+                        self._wake()
                         begin = max(begin + FRAME_S, time.monotonic() - FRAME_S)  # the looks take time of their own
                         await asyncio.sleep(begin - time.monotonic())
                 finally:  # the server waits for its connections, and they wait for a look
                     self._ended = True
-                    async with self._looked:
-                        self._looked.notify_all()
+                    self._wake()
         finally:
             self._worker.close()
 
@@ -79,12 +81,17 @@ class LivePage:
         known = Known()
         with contextlib.suppress(ConnectionClosed):
             async for _asked in connection:
-                async with self._looked:
+                for left in reversed(range(FRAMES)):
                     if not self._ended:
                         await self._looked.wait()
-                if self._ended:
-                    return
-                await connection.send(self._feed.answer(known))
+                    if self._ended:
+                        return
+                    await connection.send(self._feed.answer(known, left))
+
+    def _wake(self) -> None:
+        """Go on with every page that waits for a look."""
+        self._looked.set()
+        self._looked.clear()
 
     def _respond(self, connection: ServerConnection, request: Request) -> Response | None:
         """The page at /, the socket at /live; nothing for pages of others, which a browser would let talk to us."""
@@ -143,7 +150,12 @@ def main() -> None:
     from irsbot_supervisor.live.serving import serve_node  # needs ROS, and so does the next
     from irsbot_supervisor.processes.monitoring import Monitor
 
+    with contextlib.suppress(
+        OSError
+    ):  # messages that come meanwhile do not interrupt another process; threads inherit it
+        os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
     with Monitor(int(os.environ.get("ROS_DOMAIN_ID", "0")), name="live_page") as listener:
+        gc.freeze()  # what is loaded now stays
         serve_node(listener.node, partial(run, listener), "no page")
 
 

@@ -19,12 +19,7 @@ from irsbot_kinematics.numerics.arithmetic import Array
 from irsbot_msgs_py.records import Floats
 from irsbot_supervisor.nodes.later import Later, Steps
 from irsbot_supervisor.processes.worker import Task, WorkerError
-
-AGAIN_S = 5.0
-"""s: shortest time between two computations of a section."""
-
-TURN = 0.05
-"""rad: change of a coordinate beyond the plane after which a section is found again."""
+from irsbot_supervisor.report.sections import AGAIN_S, elsewhere, stated_place
 
 LIFETIME_S = 3
 """s after which the loci of a silent supervisor disappear."""
@@ -53,7 +48,7 @@ class Asked(NamedTuple):
 
 
 class Loci:
-    """The newest message with loci, as CDR; empty until it is known, and for robots whose loci are surfaces."""
+    """The newest message with loci, as CDR; empty until it is known."""
 
     def __init__(self, node: Node, later: Later, robot: Robot, mode: Signs, frame: str) -> None:
         self.message = b""
@@ -65,8 +60,8 @@ class Loci:
     def want(self, pose: Floats, now_s: float) -> None:
         """Compute the loci if these are not known, or if the section belongs to another pose."""
         if self._pose is not None:
-            others = [abs(new - old) for new, old in zip(pose[2:], self._pose[2:], strict=True)]
-            if self._of_all_poses or max(others, default=0.0) < TURN or now_s - self._asked_s < AGAIN_S:
+            again = elsewhere(self._robot.mechanism, pose, self._pose) and now_s - self._asked_s >= AGAIN_S
+            if self._of_all_poses or not again:
                 return
         self._pose, self._asked_s = pose, now_s
         self._later.run(self._found(Asked(self._robot, self._mode, pose, self._frame, namespace_of(self._node))))
@@ -88,25 +83,28 @@ def drawn(asked: Asked) -> bytes:
     from irsbot_supervisor.report.drawing import loci  # loads matplotlib's contours: not in the node
 
     mechanism = asked.robot.mechanism
-    curves, _note = loci(mechanism, asked.mode, np.array([asked.pose]))
+    curves, _note = loci(mechanism, asked.mode, np.array([asked.pose]), asked.pose)
     if not curves:
         return b""
+    fixed = {one.name: value for one, value in zip(mechanism.task, asked.pose, strict=True) if one.unit == "m"}
     first, second = (one.name for one in mechanism.task[:2])
 
     def place(point: Array) -> Point:
-        return Point(**{first: float(point[0]), second: float(point[1])})
+        return Point(**{**fixed, first: float(point[0]), second: float(point[1])})
 
     markers = []
     for number, (kind, colour) in enumerate(COLOURS.items(), FIRST):
         lines = _marker(asked, number, Marker.LINE_LIST, colour)
         lines.scale = Vector3(x=WIDTH * mechanism.length_m)
         lines.points = [place(p) for of, points in curves if of == kind for pair in segments(points) for p in pair]
+        if not lines.points:  # an empty list would be a warning in RViz
+            lines.action = Marker.DELETE
         markers.append(lines)
-    others = list(zip(mechanism.task[2:], asked.pose[2:], strict=True))
-    if others:
+    if len(mechanism.task) > 2:
         text = _marker(asked, FIRST + len(COLOURS), Marker.TEXT_VIEW_FACING, COLOURS["type1"])
         text.scale = Vector3(z=TEXT * mechanism.length_m)
-        text.text = "loci at " + ", ".join(f"{one.name} = {value:.2f} {one.unit}" for one, value in others)
+        what = "section of the loci" if len(fixed) > 2 else "loci"
+        text.text = f"{what} at {stated_place(mechanism, asked.pose, '.2f')}"
         text.pose.position = max(markers[0].points, key=_height, default=Point())
         markers.append(text)
     return bytes(serialize_message(MarkerArray(markers=markers)))

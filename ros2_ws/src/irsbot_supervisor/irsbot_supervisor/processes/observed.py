@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import contextlib
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import inf
 from typing import Any, NamedTuple
 
@@ -42,6 +42,8 @@ class Seen(NamedTuple):
     verdict_hz: float
     state_hz: float
     changes: tuple[Change, ...]
+    worst: Level  # since the snapshot before: `level`, and of the verdicts in between
+    states: tuple[bytes, ...]  # since the snapshot before, as CDR
 
 
 class Observed:
@@ -50,6 +52,8 @@ class Observed:
     def __init__(self) -> None:
         self._verdict: Verdict | None = None
         self._state = b""
+        self._states: list[bytes] = []
+        self._worst = Level.OK
         self._limits: Mapping[str, Any] = {}
         self._machine: Mapping[str, Any] = {}
         self._times: dict[str, deque[float]] = {"verdict": deque(), "state": deque()}
@@ -58,14 +62,17 @@ class Observed:
     def hear_verdict(self, verdict: Verdict, now_s: float) -> None:
         """Take in a verdict."""
         before, self._verdict = self._verdict, verdict
-        self._count("verdict", now_s)
+        self._worst = max(self._worst, verdict.level)
+        self._count("verdict", [now_s])
         if before is None or _essence(before) != _essence(verdict):
             self._changes.append(Change(now_s, verdict.level, verdict.causes, verdict.text))
 
-    def hear_state(self, data: bytes, now_s: float) -> None:
-        """Take in a state, as CDR; only the newest is ever decoded."""
-        self._state = data
-        self._count("state", now_s)
+    def hear_states(self, states: Sequence[bytes], times_s: Sequence[float]) -> None:
+        """Take in states, as CDR, and when each came; only the newest is decoded here."""
+        if states:
+            self._state = states[-1]
+            self._states += states
+            self._count("state", times_s)
 
     def hear_journal(self, line: str) -> None:
         """Take in a line of the journal, which contains the limits and the robot."""
@@ -81,8 +88,11 @@ class Observed:
             state = decode_state(self._state) if self._state else None
         ages = {name: now_s - times[-1] if times else inf for name, times in self._times.items()}
         fresh = self._verdict is not None and ages["verdict"] <= CONSUMER_TIMEOUT_S
+        level = self._verdict.level if self._verdict is not None and fresh else Level.UNKNOWN
+        worst, self._worst = max(self._worst, level), Level.OK
+        states, self._states = tuple(self._states), []
         return Seen(
-            self._verdict.level if self._verdict is not None and fresh else Level.UNKNOWN,
+            level,
             self._verdict,
             state,
             self._limits,
@@ -92,12 +102,14 @@ class Observed:
             self._rate("verdict", now_s),
             self._rate("state", now_s),
             tuple(self._changes),
+            worst,
+            states,
         )
 
-    def _count(self, name: str, now_s: float) -> None:
+    def _count(self, name: str, times_s: Sequence[float]) -> None:
         times = self._times[name]
-        times.append(now_s)
-        while now_s - times[0] > RATE_S:
+        times.extend(times_s)
+        while times[-1] - times[0] > RATE_S:
             times.popleft()
 
     def _rate(self, name: str, now_s: float) -> float:

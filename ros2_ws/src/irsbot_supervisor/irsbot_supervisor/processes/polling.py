@@ -53,9 +53,10 @@ class Polling:
 
 def taken(subscription: Subscription) -> Iterator[tuple[bytes, int]]:
     """The messages that have arrived, as CDR, each with the time of its arrival, ns of the system clock."""
-    handle = subscription.handle
+    handle, kind = subscription.handle, subscription.msg_type
     with handle:
-        while (found := handle.take_message(subscription.msg_type, True)) is not None:
+        take = handle.take_message
+        while (found := take(kind, True)) is not None:
             data, info = found
             yield data, info["received_timestamp"]
 

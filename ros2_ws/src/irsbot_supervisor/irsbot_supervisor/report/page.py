@@ -8,12 +8,14 @@ from importlib import resources
 from typing import Any
 
 import jinja2
+import numpy as np
 
 from irsbot_supervisor.bag.mcap_writer import BagError
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.replay.expectation import MEASURES
 from irsbot_supervisor.replay.judgement import BagJudgement
 from irsbot_supervisor.replay.run_figures import settings_in_force
+from irsbot_supervisor.replay.series import Series
 from irsbot_supervisor.report.drawing import view
 from irsbot_supervisor.report.json_values import plain
 from irsbot_supervisor.report.series import posture_table, tracks
@@ -50,10 +52,17 @@ def page_data(found: BagJudgement) -> dict[str, Any]:
         "decimated": any(len(track["t"]) < track["samples"] for track in lines),
         "tracks": lines,
         "posture": posture_table(series, mechanism),
-        "view": view(mechanism, settings[-1][1].working_mode, series["pose"]),
+        "view": view(mechanism, settings[-1][1].working_mode, series["pose"], _nearest(series)),
         "settings": asdict(settings[-1][1]),
     }
     return dict(plain(data))
+
+
+def _nearest(series: Series) -> list[float] | None:
+    """The pose with the smallest margin, through which a section is taken; None if no margin is known."""
+    poses, least = series["pose"], np.fmin.reduce(series["margin"], axis=1)
+    least[~np.isfinite(poses).all(axis=1)] = np.nan
+    return list(poses[np.nanargmin(least)].tolist()) if np.isfinite(least).any() else None
 
 
 def page(data: dict[str, Any]) -> str:

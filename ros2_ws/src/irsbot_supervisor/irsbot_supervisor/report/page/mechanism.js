@@ -15,6 +15,8 @@ function ramp(share) {
   return `rgb(${parts})`;
 }
 
+const SHADE = Array.from({ length: SHADES }, (_, k) => ramp((k + 0.5) / SHADES));
+
 const plus = (a, b) => [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
 const times = (m, v) => [0, 1, 2].map((i) => m[i][0] * v[0] + m[i][1] * v[1] + m[i][2] * v[2]);
 const product = (a, b) => a.map((row) => [0, 1, 2].map((j) => row[0] * b[0][j] + row[1] * b[1][j] + row[2] * b[2][j]));
@@ -46,11 +48,14 @@ function bars(data, row) {
 
 // The platform point at a row, in the base frame; null where it is not known.
 function point(data, row) {
+  return placed(data.view, data.posture.pose.map((column) => column[row]));
+}
+
+function placed(view, pose) {
   const at = [0, 0, 0];
-  for (let k = 0; k < data.view.places.length; k++) {
-    const value = data.posture.pose[k][row];
-    if (value === null || value === undefined) return null;
-    at[data.view.places[k]] = value;
+  for (let k = 0; k < view.places.length; k++) {
+    if (pose[k] === null || pose[k] === undefined) return null;
+    at[view.places[k]] = pose[k];
   }
   return at;
 }
@@ -62,6 +67,18 @@ function flat(data, p) {
   return [x, Math.cos(b) * p[2] + Math.sin(b) * y];
 }
 
+// A point of a locus on the plane of the picture: loci of robots in space are a section of theirs.
+const onPicture = (data, p) => (data.view.planar || p[0] === null ? p : flat(data, p));
+const lociPoints = (data) => data.view.loci.flatMap((locus) => locus.points).filter((p) => p[0] !== null).map((p) => onPicture(data, p));
+
+// Entries of the legend: [kind of line, colour, text].
+function lociEntries({ loci, section }) {
+  const kinds = new Set(loci.map((locus) => locus.kind)), at = section ? `, section at ${section}` : "", found = [];
+  if (kinds.has("type1")) found.push(["solid", "soft", `Type 1 locus, boundary${at}`]);
+  if (kinds.has("type2")) found.push(["dashed", "stop-ink", `Type 2 locus${at}`]);
+  return found;
+}
+
 function extent(data) {
   const points = [];
   for (let row = 0; row < data.posture.t.length; row += 1 + Math.floor(data.posture.t.length / 400)) {
@@ -69,12 +86,17 @@ function extent(data) {
     if (p) points.push(flat(data, p));
   }
   if (View.fit === "all" || !points.length) {
-    for (const locus of data.view.loci) for (const p of locus.points) if (p[0] !== null) points.push(p);
+    points.push(...lociPoints(data));
     const rows = data.posture.t.length;
     for (const row of [0, rows >> 1, rows - 1]) {
       for (const [from, to] of bars(data, row)) points.push(flat(data, from), flat(data, to));
     }
   }
+  return around(points);
+}
+
+// What has to be seen of points of the picture: its middle and its size.
+function around(points) {
   if (!points.length) return { middle: [0, 0], size: [1, 1] };
   const low = [0, 1].map((i) => points.reduce((least, p) => Math.min(least, p[i]), Infinity));
   const high = [0, 1].map((i) => points.reduce((most, p) => Math.max(most, p[i]), -Infinity));
@@ -85,41 +107,65 @@ function extent(data) {
 // Everything that stands still goes to a picture of its own, so that the cursor moves without redrawing it.
 // place: what has to be seen.
 function prepareView(canvas, data, place = extent(data)) {
-  const { pen, width, height, em } = sheet(canvas), { middle, size } = place;
+  const { pen, width, height, em } = sheet(canvas), { posture } = data;
+  drawGround(pen, data, place, width, height, em);
+  const most = Math.max(...maximum(posture.margin)), breaks = new Set(posture.breaks);
+  drawPath(pen, data, em, posture.t.map((_, row) => ({ at: point(data, row), share: posture.margin[row] / most, apart: breaks.has(row) })), posture.thinned);
+  drawMarks(pen, data, em, data.chapters.map((one) => [one.level, point(data, rowAt(posture.t, one.time_s))]));
+  View.path = document.createElement("canvas");
+  View.path.width = canvas.width;
+  View.path.height = canvas.height;
+  View.path.getContext("2d").drawImage(canvas, 0, 0);
+}
+
+// Axes and loci.
+function drawGround(pen, data, { middle, size }, width, height, em) {
   const pad = 2.6 * em, scale = Math.min((width - 2 * pad) / size[0], (height - 2 * pad) / size[1]);
   const to = (p) => [width / 2 + (p[0] - middle[0]) * scale, height / 2 - (p[1] - middle[1]) * scale];
+  View.to = to;
   if (data.view.planar) axes(pen, em, width, height, middle, scale, to); else triad(pen, em, data, height);
   for (const locus of data.view.loci) {
     pen.strokeStyle = locus.kind === "type1" ? theme("soft") : theme("stop-ink");
     pen.lineWidth = 1.6;
     pen.setLineDash(locus.kind === "type1" ? [] : [6, 3]);
-    curve(pen, locus.points, to);
+    curve(pen, locus.points.map((p) => onPicture(data, p)), to);
   }
   pen.setLineDash([]);
-  const most = Math.max(...maximum(data.posture.margin)), breaks = new Set(data.posture.breaks);
-  pen.lineCap = "round";
+}
+
+// The path, coloured by the margin. rows: place in the base frame or null, share of the largest margin, and whether
+// nothing is known before it. dots: without lines between them, which would be chords that nobody took.
+function drawPath(pen, data, em, rows, dots) {
+  const dot = 0.18 * em;
+  pen.lineCap = pen.lineJoin = "round";
   pen.lineWidth = 0.22 * em;
-  const colours = Array.from({ length: SHADES }, (_, k) => ramp((k + 0.5) / SHADES)), dot = 0.18 * em;
-  for (let row = 0, before = null; row < data.posture.t.length; row++) {
-    const p = point(data, row), here = p && to(flat(data, p));
-    if (here) {
-      pen.strokeStyle = pen.fillStyle = colours[Math.min(SHADES - 1, Math.floor(SHADES * data.posture.margin[row] / most))];
-      if (data.posture.thinned) pen.fillRect(here[0] - dot / 2, here[1] - dot / 2, dot, dot);  // no chords nobody took
-      else line(pen, ...(before && !breaks.has(row) ? before : [here[0] - 0.5, here[1]]), ...here);
+  let before = null, shade = null;
+  const end = () => { if (shade !== null) pen.stroke(); shade = null; };
+  for (const { at, share, apart } of rows) {
+    const here = at && View.to(flat(data, at)), next = Math.min(SHADES - 1, Math.floor(SHADES * share));
+    if (!here || dots || apart || next !== shade) end();
+    if (here && dots) {
+      pen.fillStyle = SHADE[next];
+      pen.fillRect(here[0] - dot / 2, here[1] - dot / 2, dot, dot);
+    } else if (here) {
+      if (shade === null) {  // a stretch of one colour is one line
+        pen.strokeStyle = SHADE[next];
+        pen.beginPath();
+        pen.moveTo(...(before && !apart ? before : [here[0] - 0.5, here[1]]));
+        shade = next;
+      }
+      pen.lineTo(...here);
     }
     before = here;
   }
-  let level = null;
-  for (const chapter of data.chapters) {
-    const p = point(data, rowAt(data.posture.t, chapter.time_s));
-    if (chapter.level !== level && p) mark(pen, to(flat(data, p)), chapter.level, 0.42 * em);
-    level = chapter.level;
-  }
-  View.path = document.createElement("canvas");
-  View.path.width = canvas.width;
-  View.path.height = canvas.height;
-  View.path.getContext("2d").drawImage(canvas, 0, 0);
-  View.to = to;
+  end();
+}
+
+// Changes of the level. found: [level, place in the base frame or null], in order.
+function drawMarks(pen, data, em, found) {
+  found.forEach(([level, at], k) => {
+    if (at && (!k || level !== found[k - 1][0])) mark(pen, View.to(flat(data, at)), level, 0.42 * em);
+  });
 }
 
 function* maximum(values) {
@@ -191,6 +237,11 @@ function drawView(canvas, data, cursor) {
   pen.clearRect(0, 0, canvas.width, canvas.height);
   pen.drawImage(View.path, 0, 0);
   pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+  drawPosture(pen, data, row, em);
+}
+
+// The mechanism at a row, and a ring around its platform.
+function drawPosture(pen, data, row, em) {
   pen.lineCap = "round";
   pen.setLineDash([]);
   for (const [from, to, name] of bars(data, row)) {

@@ -1,8 +1,18 @@
 "use strict";
 // Level strip and plots over time. They know the window and nothing of the cursor.
 
+// Colours by name, until the theme changes: to ask the page for one takes as long as to draw a line.
+const Theme = { number: 0, colours: new Map() };
+{
+  const forget = () => { Theme.number += 1; Theme.colours.clear(); };
+  for (const change of ["(prefers-color-scheme: dark)", "print"]) matchMedia(change).addEventListener("change", forget);
+  for (const change of ["beforeprint", "afterprint"]) addEventListener(change, forget);
+}
+
 function theme(name) {
-  return getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
+  const { colours } = Theme;
+  if (!colours.has(name)) colours.set(name, getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim());
+  return colours.get(name);
 }
 
 // A canvas as large as it is shown, in CSS pixels; em: size of its letters.
@@ -10,11 +20,15 @@ function sheet(canvas) {
   const ratio = window.devicePixelRatio || 1, width = canvas.clientWidth, height = canvas.clientHeight;
   canvas.width = Math.max(1, Math.round(width * ratio));
   canvas.height = Math.max(1, Math.round(height * ratio));
+  const em = parseFloat(getComputedStyle(canvas).fontSize);
+  return { pen: penOf(canvas, ratio, em), width, height, em, ratio };
+}
+
+function penOf(canvas, ratio, em) {
   const pen = canvas.getContext("2d");
   pen.setTransform(ratio, 0, 0, ratio, 0, 0);
-  const em = parseFloat(getComputedStyle(canvas).fontSize);
   pen.font = `${0.78 * em}px system-ui, sans-serif`;
-  return { pen, width, height, em };
+  return pen;
 }
 
 // Where the plots begin and end on a canvas of that width.
@@ -82,8 +96,8 @@ function stretches(data) {
 }
 
 // Every change is at least a pixel wide; ticks below it say where causes change.
-function drawStrip(canvas, data, window_) {
-  const { pen, width, height, em } = sheet(canvas), { left, right } = frame(width, em), [low, high] = window_;
+function drawStrip({ pen, width, height, em }, data, window_) {
+  const { left, right } = frame(width, em), [low, high] = window_;
   const x = (t) => left + (right - left) * (t - low) / (high - low);
   for (const [since, until, level] of stretches(data)) {
     const from = Math.max(left, x(since)), to = Math.min(right, Math.max(x(until), from + 1));

@@ -83,11 +83,8 @@ function build(data) {
     return figure;
   });
   element("tracks").replaceChildren(element("strip"), ...figures, element("cursor"));
-  const kinds = new Set(data.view.loci.map((locus) => locus.kind)), legend = [];
-  if (kinds.has("type1")) legend.push(["soft", "solid", "Type 1 locus, boundary"]);
-  if (kinds.has("type2")) legend.push(["stop-ink", "dashed", "Type 2 locus"]);
   const most = Math.max(...maximum(data.posture.margin)).toFixed(2);
-  element("view-legend").innerHTML = legend.map(([colour, how, text]) => `<span><i style="border-top:3px ${how} var(--${colour})"></i>${text}</span>`).join("") +
+  element("view-legend").innerHTML = lociEntries(data.view).map(([how, colour, text]) => `<span><i style="border-top:3px ${how} var(--${colour})"></i>${text}</span>`).join("") +
     `<span><i class="ramp" style="background:linear-gradient(90deg,${RAMP})"></i>path by smallest margin, 0 to ${most}</span>` +
     "<span>changes to ● OK ▲ WARN ■ STOP ◆ UNKNOWN</span>";
   element("view-note").textContent = data.view.note + (data.view.planar ? "" : " Drag turns the view.");
@@ -101,7 +98,7 @@ function redrawAll() {
 // The plots alone: the path does not depend on the window.
 function redraw() {
   const { data } = Run;
-  drawStrip(element("strip"), data, Run.window);
+  drawStrip(sheet(element("strip")), data, Run.window);
   document.querySelectorAll(".track").forEach((figure, place) => {
     drawTrack(figure.querySelector("canvas"), data.tracks[place], data, Run.window, place % 3 === 0 || place === data.tracks.length - 1);
     figure.querySelectorAll(".readout i").forEach((swatch, k) => {
