@@ -5,20 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
 
-import typer
 from rich.table import Table
 
 from irsbot_kinematics import BadInput
 from irsbot_supervisor.cli.common import Failed, out, print_json, progress_bar
 from irsbot_supervisor.fleet.cluster import Cluster
 from irsbot_supervisor.fleet.records import BagJob, BagRow, Fleet, Options
-
-SchedulerOption = Annotated[
-    str | None, typer.Option(help="for many bags: a Dask scheduler, tcp://host:8786; this machine if left out")
-]
-WorkersOption = Annotated[int | None, typer.Option(help="for many bags: processes of this machine, all cores", min=1)]
 
 
 def options_of(
@@ -41,8 +34,6 @@ def judged(
 
     Raises BadInput, OSError.
     """
-    if cluster.scheduler is not None and cluster.workers is not None:
-        raise BadInput("--workers is for this machine; the workers of --scheduler are those that were started for it")
     from irsbot_supervisor.fleet.bags import judge_fleet  # polars, and for the page jinja2
     from irsbot_supervisor.fleet.dataset import Dataset
 
