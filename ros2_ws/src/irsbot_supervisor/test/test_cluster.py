@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from operator import neg
 
@@ -9,7 +10,7 @@ import pytest
 from dask_processes import dask_cluster, kill_worker
 
 from irsbot_kinematics import BadInput
-from irsbot_supervisor.fleet.cluster import AHEAD, Cluster, JobFailed, Workers, run, run_in_order, workers_of
+from irsbot_supervisor.fleet.cluster import AHEAD, Cluster, JobFailed, Workers, mapping, run, workers_of
 
 MANY = 10**8
 """Jobs of a large sweep."""
@@ -25,6 +26,10 @@ class Counted:
         for job in range(self._number):
             self.taken += 1
             yield job
+
+
+def process_of(_job: int) -> int:
+    return os.getpid()
 
 
 @pytest.fixture(scope="module")
@@ -68,17 +73,24 @@ def test_no_cluster_is_asked_without_a_job() -> None:
     assert list(run(neg, iter([]), Cluster("tcp://127.0.0.1:1"))) == []
 
 
+def test_few_jobs_are_done_here_unless_somebody_asked_for_a_cluster() -> None:
+    with mapping(Cluster(), few=True) as spread:
+        assert set(spread(process_of, [1, 2])) == {os.getpid()}
+    with mapping(Cluster(workers=1), few=True) as spread:
+        assert os.getpid() not in spread(process_of, [1, 2])
+
+
 def test_results_in_order_outlive_a_worker_that_is_killed() -> None:
-    with dask_cluster() as (address, _scheduler, nanny):
-        results = run_in_order(neg, range(200), Cluster(address))
+    with dask_cluster() as (address, _scheduler, nanny), workers_of(Cluster(address)) as workers:
+        results = workers.in_order(neg, range(200))
         found = [next(results) for _ in range(20)]
         kill_worker(nanny)
         assert [*found, *results] == [-job for job in range(200)]
 
 
 def test_results_in_order_end_with_one_sentence_where_the_scheduler_goes_away() -> None:
-    with dask_cluster() as (address, scheduler, _nanny):
-        results = run_in_order(neg, range(MANY), Cluster(address))
+    with dask_cluster() as (address, scheduler, _nanny), mapping(Cluster(address), few=False) as spread:
+        results = spread(neg, range(MANY))
         assert next(results) == 0
         scheduler.kill()
         with pytest.raises(BadInput, match=f"{address} went away"):

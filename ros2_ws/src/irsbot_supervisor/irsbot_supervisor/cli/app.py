@@ -34,6 +34,7 @@ from irsbot_supervisor.cli import (
     settings,
     sizing,
     stiffness,
+    sweep,
     up,
     urdf,
 )
@@ -74,6 +75,7 @@ app.command("map")(map.draw)
 app.command("stiffness", context_settings=NUMBERS)(stiffness.show)
 app.command("policy")(policy.policy)
 app.command("urdf")(urdf.write)
+design.app.command("sweep")(sweep.sweep)
 design.app.command("size")(sizing.size)
 for name, group in (("send", operate.app), ("design", design.app), ("algebra", algebra.app)):
     app.add_typer(group, name=name, short_help=str(group.info.help).partition("\n")[0].rstrip("."))

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 Job = TypeVar("Job")
 Result = TypeVar("Result")
 
+Map = Callable[[Callable[[Any], Any], Iterable[Any]], Iterator[Any]]
+"""What `map` does with one function and one iterable."""
+
 ANSWER_S = 10.0
 """s until a scheduler must have answered, and one worker must be there."""
 
@@ -158,21 +161,26 @@ def run(function: Callable[[Job], Result], jobs: Iterable[Job], cluster: Cluster
             yield from workers.answers(function, chain([first], left))
 
 
-def run_in_order(function: Callable[[Job], Result], jobs: Iterable[Job], cluster: Cluster = HERE) -> Iterator[Result]:
-    """`Workers.in_order` of a cluster that is used for this alone.
-
-    Raises BadInput, also for a job that fails and where no scheduler or no worker answers.
-    """
-    with workers_of(cluster) as workers:
-        yield from whole(workers.in_order(function, jobs))
-
-
 def whole(results: Iterable[Result | JobFailed]) -> Iterator[Result]:
     """The results, all of which are needed. Raises BadInput for a job that failed."""
     for result in results:
         if isinstance(result, JobFailed):
             raise BadInput(result.text)
         yield result
+
+
+@contextmanager
+def mapping(cluster: Cluster, few: bool) -> Iterator[Map]:
+    """A `map` whose calls are done by a cluster: results in order, and all of them.
+
+    few: so little work that it is done in this process unless the cluster was stated. The map raises BadInput for a
+    call that fails and where the scheduler goes away.
+    """
+    if few and not cluster.stated:
+        yield map
+        return
+    with workers_of(cluster) as workers:
+        yield lambda function, jobs: whole(workers.in_order(function, jobs))
 
 
 @contextmanager
