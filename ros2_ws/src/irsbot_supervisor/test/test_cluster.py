@@ -16,6 +16,10 @@ MANY = 10**8
 """Jobs of a large sweep."""
 
 
+PROCESS = "__import__('os').getpid()"
+"""Of the one that evaluates it."""
+
+
 class Counted:
     """Jobs, and how many of them were taken."""
 
@@ -26,10 +30,6 @@ class Counted:
         for job in range(self._number):
             self.taken += 1
             yield job
-
-
-def process_of(_job: int) -> int:
-    return os.getpid()
 
 
 @pytest.fixture(scope="module")
@@ -75,9 +75,9 @@ def test_no_cluster_is_asked_without_a_job() -> None:
 
 def test_few_jobs_are_done_here_unless_somebody_asked_for_a_cluster() -> None:
     with mapping(Cluster(), few=True) as spread:
-        assert set(spread(process_of, [1, 2])) == {os.getpid()}
+        assert set(spread(eval, [PROCESS, PROCESS])) == {os.getpid()}
     with mapping(Cluster(workers=1), few=True) as spread:
-        assert os.getpid() not in spread(process_of, [1, 2])
+        assert os.getpid() not in spread(eval, [PROCESS, PROCESS])
 
 
 def test_results_in_order_outlive_a_worker_that_is_killed() -> None:
@@ -90,7 +90,7 @@ def test_results_in_order_outlive_a_worker_that_is_killed() -> None:
 
 def test_results_in_order_end_with_one_sentence_where_the_scheduler_goes_away() -> None:
     with dask_cluster() as (address, scheduler, _nanny), mapping(Cluster(address), few=False) as spread:
-        results = spread(neg, range(MANY))
+        results = iter(spread(neg, range(MANY)))
         assert next(results) == 0
         scheduler.kill()
         with pytest.raises(BadInput, match=f"{address} went away"):

@@ -11,8 +11,8 @@ from command import irsbot
 from dask_processes import dask_cluster, kill_worker, once
 
 from irsbot_kinematics import BadInput
-from irsbot_kinematics.design import Plan, Range, sweep
-from irsbot_supervisor.fleet.cluster import Cluster
+from irsbot_kinematics.design import Plan, Range, Task, search, sweep
+from irsbot_supervisor.fleet.cluster import Cluster, short_mapping
 from irsbot_supervisor.fleet.sweeping import sweep_to_file, sweep_to_folder
 
 SIZE = 500
@@ -121,3 +121,20 @@ def test_the_command_spreads_a_sweep_and_refuses_what_it_cannot_do(tmp_path: Pat
 
 NAMED: dict[str, tuple[str, ...]] = {"designs.parquet": ("--workers", "1"), "designs": ()}
 """Outputs of one sweep, and their options."""
+
+
+def test_a_search_finds_the_same_design_whatever_the_number_of_workers(tmp_path: Path) -> None:
+    words = ("design", "search", "--generations", 3, "--population", 3, "--slack", 0.01, "--json")
+    found = [irsbot(*words, *more) for more in ((), ("--workers", 1), ("--workers", 2))]
+    assert [said.code for said in found] == [0, 0, 0], found[1].err
+    assert len({said.out for said in found}) == 1
+
+
+def test_a_search_outlives_a_worker_that_is_killed_and_tells_of_a_scheduler_that_goes_away() -> None:
+    task = Task(population=3, generations=3, slack=0.01)
+    with dask_cluster() as (address, scheduler, nanny), short_mapping(Cluster(address), few=False) as spread:
+        acts = {1: lambda: kill_worker(nanny)}
+        assert search(task, lambda at, _best: acts.pop(at, int)(), spread) == search(task)
+        assert not acts
+        with pytest.raises(BadInput, match=f"{address} went away"):
+            search(task, lambda _at, _best: scheduler.kill(), spread)

@@ -15,8 +15,9 @@ from irsbot_kinematics import BadInput, arguments
 from irsbot_kinematics import design as space
 from irsbot_kinematics.description.robot_file import read_robot
 from irsbot_kinematics.design import PARAMETERS, ZONES, Limits
-from irsbot_kinematics.design.search import RANGES, Found, NoDesign, Task, judge, search
+from irsbot_kinematics.design.search import RANGES, VARIABLES, Found, NoDesign, Task, judge, search
 from irsbot_kinematics.mechanisms.irsbot2_space.geometry import Irsbot2Geometry
+from irsbot_supervisor.cli.cluster import SchedulerOption, WorkersOption, cluster_of
 from irsbot_supervisor.cli.common import (
     Failed,
     existing,
@@ -28,12 +29,16 @@ from irsbot_supervisor.cli.common import (
 )
 from irsbot_supervisor.cli.tables import design as tables
 from irsbot_supervisor.cli.tables import design_facts as facts
+from irsbot_supervisor.fleet.cluster import short_mapping
 
 app = typer.Typer(
     help="Design space of the IRSBot-2: singularities of given lengths, and designs without them.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
+
+FEW_DESIGNS = 3000
+"""Designs of a search that take as long as processes need to start, some seconds."""
 
 RobotName = Annotated[str, typer.Argument(help="preset name (see `irsbot robots`) or YAML file of an irsbot2")]
 Set = Annotated[list[str] | None, typer.Option("--set", help="replace a number, such as b=0.2 or beta=30deg")]
@@ -153,12 +158,15 @@ def search_(
     generations: Annotated[int, typer.Option(help="of the search")] = Task.generations,
     population: Annotated[int, typer.Option(help="designs per parameter and generation")] = Task.population,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="write the design as a robot file")] = None,
+    scheduler: SchedulerOption = None,
+    workers: WorkersOption = None,
     as_json: AsJson = False,
 ) -> None:
     """Search for the design in a zone with the largest useful rectangle, symmetric and below the base, usual mode.
 
     Example: irsbot design search --slack 0.02 -o free.yaml
     """
+    cluster = cluster_of(scheduler, workers)
     ranges = dict(RANGES)
     for name, entries in pairs(vary or []):
         bounds = entries.split(":")
@@ -169,9 +177,14 @@ def search_(
     task = Task(size, slack, zone, limits, ranges, seed, population, generations)
     other_name, other = design_named(compare, None)
     try:
-        with progress_bar() as progress:
+        designs = generations * population * len(VARIABLES)
+        with progress_bar() as progress, short_mapping(cluster, designs <= FEW_DESIGNS) as spread:
             bar = progress.add_task("generation", total=generations)
-            found = search(task, lambda at, best: progress.update(bar, completed=at, description=f"{best:.4f} m2"))
+
+            def told(at: int, best: float) -> None:
+                progress.update(bar, completed=at, description=f"{best:.4f} m2")
+
+            found = search(task, told, spread)
     except NoDesign as error:
         raise Failed(str(error)) from None
     reference = judge(_scaled(other, size / (other.l1 + other.l2eq)), task)

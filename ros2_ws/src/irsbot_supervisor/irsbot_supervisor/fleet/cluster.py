@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 Job = TypeVar("Job")
 Result = TypeVar("Result")
 
-Map = Callable[[Callable[[Any], Any], Iterable[Any]], Iterator[Any]]
+Map = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 """What `map` does with one function and one iterable."""
 
 ANSWER_S = 10.0
@@ -113,9 +113,10 @@ class Workers:
 
         Raises BadInput if one of them fails.
         """
-        calls = list(jobs)
+        if not (calls := list(jobs)):
+            return []
         with self._there():
-            length = -(-len(calls) // (SHARES * self._count())) if calls else 1
+            length = -(-len(calls) // (SHARES * self._count()))
         shares = [(function, calls[first : first + length]) for first in range(0, len(calls), length)]
         return [result for share in whole(self.in_order(_each, shares)) for result in share]
 
@@ -184,6 +185,16 @@ def mapping(cluster: Cluster, few: bool) -> Iterator[Map]:
 
 
 @contextmanager
+def short_mapping(cluster: Cluster, few: bool) -> Iterator[Map]:
+    """Likewise, for many calls of a few milliseconds each, again and again."""
+    if few and not cluster.stated:
+        yield map
+        return
+    with workers_of(cluster) as workers:
+        yield workers.spread
+
+
+@contextmanager
 def workers_of(cluster: Cluster) -> Iterator[Workers]:
     """Workers; processes that were started for them end with them.
 
@@ -247,6 +258,7 @@ def _connected(cluster: Cluster) -> Iterator[Client]:
                 n_workers=cluster.workers or os.cpu_count() or 1,
                 threads_per_worker=1,
                 dashboard_address=None,
+                scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},  # its server of figures finds a free port
                 silence_logs=logging.CRITICAL,
             ) as local,
             Client(local, timeout=START_S) as client,
