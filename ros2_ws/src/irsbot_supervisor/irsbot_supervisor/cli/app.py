@@ -21,6 +21,7 @@ from irsbot_supervisor.cli import (
     demo,
     design,
     docs,
+    evaluate,
     faults,
     kinematics,
     limits,
@@ -54,7 +55,7 @@ app.command("up")(up.up)
 app.command("robots")(kinematics.list_robots)
 app.command("ik", context_settings=NUMBERS)(kinematics.inverse)
 app.command("dk", context_settings=NUMBERS)(kinematics.direct)
-app.command("evaluate")(kinematics.evaluate)
+app.command("evaluate")(evaluate.evaluate)
 app.command("replay")(replay.replay)
 app.command("check-trajectory")(check.check_trajectory)
 app.command("verdict")(operate.verdict)

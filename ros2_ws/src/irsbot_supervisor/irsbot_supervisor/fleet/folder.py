@@ -1,11 +1,34 @@
-"""A folder of results that a later run goes on with: every file appears when it is complete."""
+"""A folder of results that a later run goes on with: every file appears when it is complete.
+
+The name of a file holds the key of what it was made from, so what is there is not made again.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import os
+from collections.abc import Iterable
 from pathlib import Path
 
 from irsbot_kinematics import BadInput
+from irsbot_supervisor.fleet.version import code_version
+
+BLOCK = 1 << 20
+"""Bytes of a file that are read at once."""
+
+
+def key_of(stated: str, files: Iterable[Path] = ()) -> str:
+    """A hash of a text, of the names and contents of files, and of this code.
+
+    Raises OSError if a file cannot be read.
+    """
+    found = hashlib.sha256(f"{stated}\0{code_version()}".encode())
+    for file in files:
+        found.update(f"\0{file.name}\0".encode())
+        with file.open("rb") as opened:
+            while block := opened.read(BLOCK):
+                found.update(block)
+    return found.hexdigest()[:16]
 
 
 class ResultFolder:

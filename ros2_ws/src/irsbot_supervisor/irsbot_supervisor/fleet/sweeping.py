@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import hashlib
 import io
 import json
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import NamedTuple
@@ -16,8 +15,8 @@ from irsbot_kinematics.design import ZONES, Plan
 from irsbot_kinematics.design.sweep import CHUNK, Chunk, Columns, chunks, judge_chunk
 from irsbot_supervisor.bag.column_stream import write_chunks
 from irsbot_supervisor.fleet.cluster import HERE, Cluster, mapping
-from irsbot_supervisor.fleet.folder import ResultFolder
-from irsbot_supervisor.fleet.version import code_version
+from irsbot_supervisor.fleet.folder import ResultFolder, key_of
+from irsbot_supervisor.fleet.resuming import Progress, no_progress
 
 FEW_CHUNKS = 100
 """Chunks that take as long as processes need to start, some seconds."""
@@ -27,9 +26,6 @@ COUNTED = ("valid", "distal_free", *(f"zone_{zone}" for zone in ZONES))
 
 SUMS = "irsbot"
 """Key of a file's metadata under which the sums of its rows stand."""
-
-Progress = Callable[[int, int], None]
-"""Called with the number of designs that are judged, and of all."""
 
 
 class Sums(dict[str, int]):
@@ -46,7 +42,7 @@ class Sums(dict[str, int]):
 
 
 def sweep_to_file(
-    plan: Plan, file: Path, cluster: Cluster = HERE, progress: Progress = lambda _done, _all: None, size: int = CHUNK
+    plan: Plan, file: Path, cluster: Cluster = HERE, progress: Progress = no_progress, size: int = CHUNK
 ) -> dict[str, int]:
     """Judge the designs of a plan; write one table, the same to the bit whatever the cluster, .parquet or .csv.
 
@@ -65,7 +61,7 @@ def sweep_to_file(
 
 
 def sweep_to_folder(
-    plan: Plan, folder: Path, cluster: Cluster = HERE, progress: Progress = lambda _done, _all: None, size: int = CHUNK
+    plan: Plan, folder: Path, cluster: Cluster = HERE, progress: Progress = no_progress, size: int = CHUNK
 ) -> dict[str, int]:
     """Likewise, with a Parquet file per chunk; a chunk that is there is not judged again. The names of the files sort
     as their chunks do.
@@ -73,7 +69,7 @@ def sweep_to_folder(
     Returns the sums. Raises BadInput, OSError; what was judged by then is in the folder.
     """
     kept, sums = ResultFolder(folder, "sweep", "designs, a table in parts"), Sums(plan, progress)
-    key, missing = _key(plan, size), []
+    key, missing = key_of(f"{json.dumps(asdict(plan))}\0{size}"), []
     for chunk in chunks(plan, size):
         if (known := _known(folder / _name(chunk, key))) is None:
             missing.append(chunk)
@@ -104,11 +100,6 @@ def _judge_part(chunk: Chunk) -> _Part:
 
 def _sums(columns: Columns) -> dict[str, int]:
     return {"designs": len(columns["valid"]), **{name: int(columns[name].sum()) for name in COUNTED}}
-
-
-def _key(plan: Plan, size: int) -> str:
-    """A hash of everything that the table depends on."""
-    return hashlib.sha256(f"{json.dumps(asdict(plan))}\0{size}\0{code_version()}".encode()).hexdigest()[:16]
 
 
 def _name(chunk: Chunk, key: str) -> str:
