@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -22,3 +23,8 @@ def cluster_of(scheduler: str | None, workers: int | None) -> Cluster:
     if scheduler is not None and workers is not None:
         raise BadInput("--workers is for this machine; the workers of --scheduler are those that were started for it")
     return Cluster(scheduler, workers)
+
+
+def everywhere(robot: str) -> str:
+    """A robot as workers find it, whose folder is another one: a preset, or a file by its absolute path."""
+    return str(Path(robot).resolve()) if Path(robot).is_file() else robot

@@ -12,7 +12,7 @@ import typer
 from rich.table import Table
 
 from irsbot_kinematics import BadInput
-from irsbot_supervisor.cli.cluster import SchedulerOption, WorkersOption, cluster_of
+from irsbot_supervisor.cli.cluster import SchedulerOption, WorkersOption, cluster_of, everywhere
 from irsbot_supervisor.cli.common import err, existing, out, print_json, progress_bar
 from irsbot_supervisor.cli.kinematics import AsJson, RobotName
 from irsbot_supervisor.fleet.search import bags_in
@@ -56,8 +56,7 @@ def evaluate(
     cluster = cluster_of(scheduler, workers)
     if not (places := [*(inputs or ()), *(source or ())]):
         raise BadInput("there is no input; give CSV files or bags")
-    machine = str(Path(robot).resolve()) if Path(robot).is_file() else robot
-    question = Question(machine, assembly, load, moment, topic)
+    question = Question(everywhere(robot), assembly, load, moment, topic)
     jobs = [InputJob(str(place), str(place.resolve()), question) for place in _inputs(places)]
     if dataset.suffix:
         if len(jobs) > 1:

@@ -9,6 +9,7 @@ from pathlib import Path
 from rich.table import Table
 
 from irsbot_kinematics import BadInput
+from irsbot_supervisor.cli.cluster import everywhere
 from irsbot_supervisor.cli.common import Failed, out, print_json, progress_bar
 from irsbot_supervisor.fleet.cluster import Cluster
 from irsbot_supervisor.fleet.records import BagJob, BagRow, Fleet, Options
@@ -22,7 +23,7 @@ def options_of(
     mechanism: Sequence[Path] | None,
 ) -> Options:
     """Options for workers, whose folder is another one: files by absolute paths."""
-    machine = str(Path(robot).resolve()) if robot is not None and Path(robot).is_file() else robot
+    machine = everywhere(robot) if robot is not None else None
     files = None if mechanism is None else tuple(str(file.resolve()) for file in mechanism)
     return Options(machine, str(settings.resolve()) if settings is not None else None, namespace, topic, files)
 

@@ -20,7 +20,7 @@ from irsbot_supervisor.bag.columns import read_joint_columns
 from irsbot_supervisor.bag.mcap_writer import BagError
 from irsbot_supervisor.configuration.loading import robot_of
 from irsbot_supervisor.fleet.cluster import HERE, Cluster, JobFailed
-from irsbot_supervisor.fleet.folder import ResultFolder, key_of
+from irsbot_supervisor.fleet.folder import ResultFolder, key_of, robot_files
 from irsbot_supervisor.fleet.resuming import Progress, no_progress, rows_of
 
 ROW = "irsbot"
@@ -49,10 +49,9 @@ class InputJob:
     @cached_property
     def key(self) -> str:
         """A hash of everything that the result depends on. Raises OSError if a file cannot be read."""
-        path, robot = Path(self.path), Path(self.question.robot)
+        path = Path(self.path)
         files = sorted(file for file in path.iterdir() if file.is_file()) if path.is_dir() else [path]
-        beside = [robot, *sorted(robot.parent.glob("*.py"))] if robot.is_file() else []
-        return key_of(f"{self.name}\0{json.dumps(asdict(self.question))}", [*files, *beside])
+        return key_of(f"{self.name}\0{json.dumps(asdict(self.question))}", [*files, *robot_files(self.question.robot)])
 
 
 @dataclass(frozen=True)

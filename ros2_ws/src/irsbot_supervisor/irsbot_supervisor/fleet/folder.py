@@ -31,6 +31,12 @@ def key_of(stated: str, files: Iterable[Path] = ()) -> str:
     return found.hexdigest()[:16]
 
 
+def robot_files(robot: str) -> list[Path]:
+    """The files that decide what a robot is: none of a preset; else its file, and the Python files beside it."""
+    file = Path(robot)
+    return [file, *sorted(file.parent.glob("*.py"))] if file.is_file() else []
+
+
 class ResultFolder:
     """A new or empty folder, or one that a run of the same kind left behind, known by its file KIND.txt."""
 
