@@ -6,9 +6,9 @@ import json
 import os
 import subprocess
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import numpy as np
@@ -303,15 +303,17 @@ def test_the_process_of_a_row_ends_with_its_worker(tmp_path: Path) -> None:
     os.mkfifo(told)
     with dask_cluster() as (address, _scheduler, nanny):
         rows = run_rows_on([Order(Entry("sleeper", "", 1, 1, tell_and_wait), 1, 1, (str(told),))], Cluster(address))
-        with ThreadPoolExecutor(1) as pool:
-            row = pool.submit(next, rows)
-            first = psutil.Process(int(told.read_text()))
-            kill_worker(nanny)
-            psutil.wait_procs([first], PATIENCE_S)
-            assert not first.is_running()
-            second = psutil.Process(int(told.read_text()))
-            second.kill()
-            assert row.result(PATIENCE_S).note == "the process of the row ended with exit code -9"
+        found: list[Row] = []
+        taker = Thread(target=lambda: found.extend(rows), daemon=True)
+        taker.start()
+        first = psutil.Process(int(told.read_text()))
+        kill_worker(nanny)
+        _gone, left = psutil.wait_procs([first], PATIENCE_S)
+        for process in (*left, psutil.Process(int(told.read_text()))):
+            process.kill()
+        taker.join(PATIENCE_S)
+    assert not left
+    assert [row.note for row in found] == ["the process of the row ended with exit code -9"]
 
 
 def test_a_scheduler_that_goes_away_is_one_sentence() -> None:

@@ -18,8 +18,8 @@ from irsbot_supervisor.fleet.cluster import HERE, Cluster, mapping
 from irsbot_supervisor.fleet.folder import ResultFolder, key_of
 from irsbot_supervisor.fleet.resuming import Progress, no_progress
 
-FEW_CHUNKS = 100
-"""Chunks that take as long as processes need to start, some seconds."""
+FEW_CHUNKS = 400
+"""Chunks of which the start of processes and the way of the tables take longer than the judging: 20 million designs."""
 
 COUNTED = ("valid", "distal_free", *(f"zone_{zone}" for zone in ZONES))
 """Columns of which is told how often they are true."""
