@@ -37,8 +37,8 @@ app = typer.Typer(
     rich_markup_mode=None,
 )
 
-FEW_DESIGNS = 3000
-"""Designs of a search that take as long as processes need to start, some seconds."""
+FEW_DESIGNS = 10_000
+"""Designs of a search of which the start of processes and the way of the calls take longer than the judging."""
 
 RobotName = Annotated[str, typer.Argument(help="preset name (see `irsbot robots`) or YAML file of an irsbot2")]
 Set = Annotated[list[str] | None, typer.Option("--set", help="replace a number, such as b=0.2 or beta=30deg")]
