@@ -219,7 +219,8 @@ send nonsense
 bench --nonsense
 faults --only nonsense
 faults --robot nonsense
-faults --jobs 0
+faults --workers 0
+faults --workers 2 --scheduler tcp://a:1
 faults --quick -o exists.md
 stiffness nonsense
 stiffness irsbot2_table2 0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
@@ -86,6 +88,18 @@ def test_the_search_repeats_itself_and_stays_in_its_ranges():
     assert seen[-1][1] >= seen[0][1] >= 0.0
     for name, (low, high) in RANGES.items():
         assert low <= getattr(one.geometry, name) <= high
+
+
+def test_the_result_does_not_depend_on_where_designs_are_judged():
+    task, calls = Task(population=3, generations=3, slack=0.01), []
+
+    def elsewhere(function, stated):
+        calls.append(len(stated))
+        return [pickle.loads(pickle.dumps(function))(pickle.loads(pickle.dumps(one))) for one in stated]
+
+    assert search(task, spread=elsewhere) == search(task)
+    assert len(calls) == 4, "the first designs, and three generations"
+    assert sum(calls) > 0
 
 
 def test_the_rectangle_grows_with_the_square_of_the_size():

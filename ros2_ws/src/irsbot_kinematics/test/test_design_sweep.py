@@ -9,7 +9,7 @@ import pytest
 
 import irsbot_kinematics as irs
 from irsbot_kinematics.design import PARAMETERS, ZONES, Designs, Plan, Range, check, judge, sweep
-from irsbot_kinematics.design.sweep import designs
+from irsbot_kinematics.design.sweep import chunks, designs
 from irsbot_kinematics.mechanisms.irsbot2_space.geometry import Irsbot2Geometry
 
 FIXED = {"l1": 0.375, "l2eq": 0.825, "b": 0.1375, "p": 0.05, "a1": 0.42, "a2": 0.03, "beta": 0.17}
@@ -34,7 +34,7 @@ def test_a_grid_holds_every_combination_once_in_order():
 def test_every_chunk_of_random_designs_is_a_latin_hypercube():
     ranges = {"l1": Range(0.1, 0.5), "p": Range(0.01, 0.2), "beta": Range(0.1, 1.4)}
     sizes = []
-    for d in designs(plan(samples=2500, **ranges), chunk=1000):
+    for d in map(designs, chunks(plan(samples=2500, **ranges), 1000)):
         sizes.append(d.b.size)
         for name, values in ranges.items():
             place = (getattr(d, name) - values.low) / (values.high - values.low) * d.b.size
@@ -43,9 +43,13 @@ def test_every_chunk_of_random_designs_is_a_latin_hypercube():
 
 
 def test_the_seed_decides_the_designs():
-    one, same, other = (next(designs(plan(samples=50, seed=seed, l1=Range(0.1, 0.5)))).l1 for seed in (3, 3, 4))
+    one, same, other = (
+        [designs(chunk).l1 for chunk in chunks(plan(samples=100, seed=seed, l1=Range(0.1, 0.5)), 50)]
+        for seed in (3, 3, 4)
+    )
     assert np.array_equal(one, same)
     assert not np.array_equal(one, other)
+    assert not np.array_equal(*one), "chunks do not repeat one another"
 
 
 def test_a_swept_design_is_judged_like_a_single_one():

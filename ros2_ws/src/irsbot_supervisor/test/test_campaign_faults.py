@@ -3,24 +3,30 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import numpy as np
+import psutil
 import pytest
 from command import IRSBOT, PATIENCE_S
+from dask_processes import dask_cluster, kill_worker
 from fake_supervisors import FakeTimidSupervisor
-from rows_for_tests import break_down, not_met
+from rows_for_tests import break_down, end, not_met, tell_and_wait
 
+from irsbot_kinematics import BadInput
 from irsbot_msgs_py.records import Level
 from irsbot_supervisor.configuration.loading import read_settings
 from irsbot_supervisor.core import assessment, margins
 from irsbot_supervisor.core import supervisor as pipeline
 from irsbot_supervisor.core import validation as intake
 from irsbot_supervisor.core.estimation import frozen, jumps
+from irsbot_supervisor.fleet.cluster import Cluster
 from irsbot_supervisor.validation.harness import oracle as truth
 from irsbot_supervisor.validation.harness.case import Case
 from irsbot_supervisor.validation.harness.motion import work
@@ -28,7 +34,7 @@ from irsbot_supervisor.validation.harness.rows import FALSE_STOPS, RECOVERY_S, T
 from irsbot_supervisor.validation.harness.stream import WARM_UP, InputStream
 from irsbot_supervisor.validation.in_process import approach, clean, delivery, garbage, loci, stamps
 from irsbot_supervisor.validation.registry import ENTRIES
-from irsbot_supervisor.validation.runner import Order, run_rows
+from irsbot_supervisor.validation.runner import Order, run_rows, run_rows_on
 from irsbot_supervisor.validation.with_nodes import resets
 
 AMOUNTS = {
@@ -233,7 +239,7 @@ def irsbot(*words: str) -> subprocess.CompletedProcess[str]:
 
 def test_the_command_runs_the_rows_that_are_named_and_writes_their_table(tmp_path: Path) -> None:
     table = tmp_path / "table.md"
-    words = ("--quick", "--only", "approach", "--only", "stamps", "--robot", "irsbot2", "--jobs", "2", "--json")
+    words = ("--quick", "--only", "approach", "--only", "stamps", "--robot", "irsbot2", "--workers", "2", "--json")
     done = irsbot("faults", *words, "-o", str(table))
     assert done.returncode == 0, done.stderr
     rows = json.loads(done.stdout)["rows"]
@@ -259,3 +265,64 @@ def test_a_row_that_breaks_down_is_a_row_that_is_not_met() -> None:
     assert not worse.ok
     assert worse.note == "ValueError: out of luck"
     assert (bad.amount, bad.unsafe, bad.failed, bad.note, bad.ok) == (3, 1, 1, "allowed", False)
+
+
+# --- on a cluster ---------------------------------------------------------------------------------------------------
+
+
+def test_rows_do_not_depend_on_where_they_run_or_on_a_worker_that_is_killed() -> None:
+    known = {entry.name: entry for entry in ENTRIES}
+    orders = [
+        Order(known["stamps"], 48, 5),
+        Order(known["approach"], 2, 5, ("irsbot2",)),
+        Order(known["delivery"], 15, 5),
+    ]
+    here = {row.name: row for row in run_rows(orders, 1, lambda _name, _cases: None)}
+    with dask_cluster() as (address, _scheduler, nanny):
+        rows = run_rows_on(orders, Cluster(address))
+        first = next(rows)
+        kill_worker(nanny)
+        assert {row.name: row for row in (first, *rows)} == here
+    assert all(row.ok for row in here.values())
+
+
+def test_a_row_that_breaks_down_on_a_worker_is_not_met_and_is_not_tried_again() -> None:
+    runs = (break_down, end, not_met)
+    orders = [Order(Entry(run.__name__, "", 3, 3, run), 3, 1) for run in runs]
+    with dask_cluster() as (address, _scheduler, _nanny):
+        found = {row.name: row for row in run_rows_on(orders, Cluster(address))}
+    assert found["break_down"].note == "ValueError: out of luck"
+    assert found["end"].note == "the process of the row ended with exit code 3"
+    assert (found["bad"].amount, found["bad"].unsafe) == (3, 1)
+    assert not any(row.ok for row in found.values())
+
+
+def test_the_process_of_a_row_ends_with_its_worker(tmp_path: Path) -> None:
+    """Else a row that is begun again would run twice, with its nodes."""
+    told = tmp_path / "process"
+    os.mkfifo(told)
+    with dask_cluster() as (address, _scheduler, nanny):
+        rows = run_rows_on([Order(Entry("sleeper", "", 1, 1, tell_and_wait), 1, 1, (str(told),))], Cluster(address))
+        found: list[Row] = []
+        taker = Thread(target=lambda: found.extend(rows), daemon=True)
+        taker.start()
+        first = psutil.Process(int(told.read_text()))
+        kill_worker(nanny)
+        _gone, left = psutil.wait_procs([first], PATIENCE_S)
+        for process in (*left, psutil.Process(int(told.read_text()))):
+            process.kill()
+        taker.join(PATIENCE_S)
+    assert not left
+    assert [row.note for row in found] == ["the process of the row ended with exit code -9"]
+
+
+def test_a_scheduler_that_goes_away_is_one_sentence() -> None:
+    with dask_cluster() as (address, scheduler, _nanny):
+        rows = run_rows_on([Order(ENTRIES[0], 2, 5, ("irsbot2",))] * 3, Cluster(address))
+        next(rows)
+        scheduler.kill()
+        with pytest.raises(BadInput, match=f"{address} went away"):
+            list(rows)
+    done = irsbot("faults", "--quick", "--only", "stamps", "--scheduler", "here")
+    assert done.returncode == 2
+    assert "tcp://host" in done.stderr

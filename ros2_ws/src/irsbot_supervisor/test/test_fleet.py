@@ -5,19 +5,14 @@ from __future__ import annotations
 import os
 import re
 import shutil
-import signal
-import subprocess
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
 import polars as pl
-import psutil
 import pytest
 from command import irsbot
+from dask_processes import dask_cluster, kill_worker, once
 
 from irsbot_kinematics import BadInput
 from irsbot_supervisor.bag.mcap_writer import BagError
@@ -168,55 +163,11 @@ def test_rows_do_not_depend_on_the_number_of_workers(workers: int, rows: list[Ba
     assert judge_fleet(jobs(), Cluster(workers=workers)) == rows
 
 
-@contextmanager
-def process(*words: str, until: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
-    """A process of Dask, and the line by which it says that it is ready."""
-    command = [sys.executable, "-m", *words]
-    with subprocess.Popen(
-        command, stderr=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": PATH}
-    ) as started:
-        try:
-            assert started.stderr is not None
-            yield started, next(line for line in started.stderr if until in line)
-        finally:
-            family = psutil.Process(started.pid).children(recursive=True) if started.poll() is None else []
-            for one in (*family, started):
-                one.kill()
-
-
-PATH = os.pathsep.join(filter(None, sys.path))
-
-
-@contextmanager
-def dask_cluster() -> Iterator[tuple[str, subprocess.Popen[str], subprocess.Popen[str]]]:
-    """Address and process of a scheduler, and the nanny of its one worker."""
-    where = ("--host", "127.0.0.1", "--no-dashboard")
-    with process("distributed.cli.dask_scheduler", *where, "--port", "0", until="Scheduler at") as (scheduler, line):
-        address = re.search(r"tcp://\S+", line)[0]
-        words = ("distributed.cli.dask_worker", address, *where, "--nthreads", "1", "--nworkers", "1")
-        with process(*words, until="Registered to") as (nanny, _line):
-            yield address, scheduler, nanny
-
-
-def once(act: Callable[[], None], when: int) -> Callable[[int, int], None]:
-    """A progress that acts when that many bags are done."""
-    left = [act]
-    return lambda done, _total: left.pop()() if done >= when and left else None
-
-
 def test_a_worker_that_is_killed_loses_nothing(rows: list[BagRow], tmp_path: Path) -> None:
-    killed = []
-
-    def kill() -> None:
-        (worker,) = [
-            one for one in psutil.Process(nanny.pid).children() if "resource_tracker" not in " ".join(one.cmdline())
-        ]
-        killed.append(worker.pid)
-        worker.send_signal(signal.SIGKILL)
-
     with dask_cluster() as (address, _scheduler, nanny):
-        again = judge_fleet(jobs(samples=True), Cluster(address), Dataset(tmp_path / "fleet"), once(kill, 1))
-    assert len(killed) == 1
+        again = judge_fleet(
+            jobs(samples=True), Cluster(address), Dataset(tmp_path / "fleet"), once(lambda: kill_worker(nanny), 1)
+        )
     assert again == rows
     assert len(list((tmp_path / "fleet" / "samples").iterdir())) == len(NAMES)
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import radians
+from typing import Any
 
 import numpy as np
 
@@ -32,6 +33,10 @@ without them the search prefers ever longer elbows."""
 _COARSE, _FINE = (40, 120), (400, 800)
 """Grid cells of the rectangle while searching, and for the result. The coarse grid hides differences of a few per
 cent, and so do different seeds."""
+
+
+Spread = Callable[[Callable[[Any], Any], Sequence[Any]], Iterable[Any]]
+"""What `map` does with one function of this module and one sequence, in the same order: here, or on other processes."""
 
 
 class NoDesign(KinematicsError):
@@ -80,21 +85,28 @@ class Found:
 
 
 @checked
-def search(task: Task, progress: Callable[[int, float], None] | None = None) -> Found:
+def search(task: Task, progress: Callable[[int, float], None] | None = None, spread: Spread = map) -> Found:
     """Differential evolution over VARIABLES, scipy's: a heuristic, the same for the same seed.
 
     The useful rectangle is `largest_rectangle` of the usual mode. progress(generation, best area so far in m^2) is
-    called after each generation. Raises NoDesign if none of the ranges has a useful pose in the zone with that slack.
+    called after each generation. spread calls a function for all designs of a generation, which take the most time; the
+    result does not depend on it, and what it raises ends the search. Raises NoDesign if none of the ranges has a useful
+    pose in the zone with that slack.
     """
     from scipy.optimize import differential_evolution
 
     bounds = [task.ranges[name] for name in VARIABLES]
     generation = 0
     best = 0.0
+    faults: list[ValueError] = []  # scipy raises another error in their place
 
     def cost(X: Array) -> Array:
         nonlocal best
-        costs = _costs(task, X)
+        try:
+            costs = _costs(task, X, spread)
+        except ValueError as fault:
+            faults.append(fault)
+            raise
         best = max(best, -float(costs.min()) * task.size**2)
         return costs
 
@@ -104,18 +116,23 @@ def search(task: Task, progress: Callable[[int, float], None] | None = None) -> 
         if progress:
             progress(generation, best)
 
-    result = differential_evolution(
-        cost,
-        bounds,
-        maxiter=task.generations,
-        popsize=task.population,
-        tol=0.0,
-        seed=task.seed,
-        polish=False,
-        updating="deferred",
-        vectorized=True,
-        callback=after,
-    )
+    try:
+        result = differential_evolution(
+            cost,
+            bounds,
+            maxiter=task.generations,
+            popsize=task.population,
+            tol=0.0,
+            seed=task.seed,
+            polish=False,
+            updating="deferred",
+            vectorized=True,
+            callback=after,
+        )
+    except RuntimeError:
+        if faults:
+            raise faults[0] from None
+        raise
     if not result.fun < 0.0:
         raise NoDesign(f"no design of these ranges is in zone '{task.zone}' with {task.slack:.6g} m of slack")
     return judge(_geometry(task, result.x), task)
@@ -128,7 +145,7 @@ def judge(geometry: Irsbot2Geometry, task: Task) -> Found:
     return Found(geometry, rectangle, float(slack[0]))
 
 
-def _costs(task: Task, X: Array) -> Array:
+def _costs(task: Task, X: Array, spread: Spread) -> Array:
     """Minus the area per size^2 of the designs inside the zone; outside, how far outside. X: (6, number)."""
     columns = _lengths(task, X)
     d = Designs.columns(columns)
@@ -136,10 +153,16 @@ def _costs(task: Task, X: Array) -> Array:
     slack = np.full(valid.shape, -1.0)
     slack[valid] = proximal.slack(task.zone, proximal.evaluate_questions(d.where(valid)))
     cost = (task.slack - slack) / task.size
-    for i in np.flatnonzero(slack >= task.slack):
-        robot = Irsbot2(_geometry(task, X[:, i]))
-        cost[i] = -largest_rectangle(robot, task.limits, cells=_COARSE).area / task.size**2
+    inside = np.flatnonzero(slack >= task.slack)
+    areas = spread(_coarse_area, [(_geometry(task, X[:, i]), task.limits) for i in inside])
+    cost[inside] = [-area / task.size**2 for area in areas]
     return np.minimum(cost, 1.0 + task.size)
+
+
+def _coarse_area(stated: tuple[Irsbot2Geometry, Limits]) -> float:
+    """m^2: useful rectangle of a design on the coarse grid."""
+    geometry, limits = stated
+    return largest_rectangle(Irsbot2(geometry), limits, cells=_COARSE).area
 
 
 def _lengths(task: Task, X: Array) -> dict[str, Array]:

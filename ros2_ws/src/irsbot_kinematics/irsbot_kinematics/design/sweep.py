@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import prod
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,22 +65,35 @@ class Plan:
         return prod(r.steps for r in self.ranges.values()) if self.samples is None else self.samples
 
 
-def designs(plan: Plan, chunk: int = CHUNK) -> Iterator[Designs]:
-    """The designs of a plan, at most `chunk` at a time, so that memory is bounded.
+class Chunk(NamedTuple):
+    """Designs of a plan that are computed together, known without those before them."""
 
-    Random designs are stratified within each chunk: every chunk is a Latin hypercube of its own.
-    """
+    plan: Plan
+    number: int
+    """Place among the chunks of the plan."""
+    size: int = CHUNK
+    """Designs in every chunk but the last."""
+
+
+def chunks(plan: Plan, size: int = CHUNK) -> Iterator[Chunk]:
+    """All designs of a plan, in order, so that memory is bounded by the size of a chunk."""
+    return (Chunk(plan, number, size) for number in range(-(-len(plan) // size)))
+
+
+def designs(chunk: Chunk) -> Designs:
+    """The designs of a chunk. Random ones are stratified: every chunk is a Latin hypercube of its own."""
+    plan = chunk.plan
     ranges = [plan.ranges[name] for name in PARAMETERS]
-    generator = np.random.default_rng(plan.seed)
-    for start in range(0, len(plan), chunk):
-        count = min(chunk, len(plan) - start)
-        if plan.samples is None:
-            columns = _grid(ranges, start, count)
-        else:
-            strata = generator.permuted(np.tile(np.arange(count), (len(ranges), 1)), axis=1)
-            unit = (strata + generator.random(strata.shape)) / count
-            columns = [r.low + (r.high - r.low) * u for r, u in zip(ranges, unit, strict=True)]
-        yield Designs.columns(dict(zip(PARAMETERS, columns, strict=True)))
+    start = chunk.number * chunk.size
+    count = min(chunk.size, len(plan) - start)
+    if plan.samples is None:
+        columns = _grid(ranges, start, count)
+    else:
+        generator = np.random.default_rng([plan.seed, chunk.number])
+        strata = generator.permuted(np.tile(np.arange(count), (len(ranges), 1)), axis=1)
+        unit = (strata + generator.random(strata.shape)) / count
+        columns = [r.low + (r.high - r.low) * u for r, u in zip(ranges, unit, strict=True)]
+    return Designs.columns(dict(zip(PARAMETERS, columns, strict=True)))
 
 
 def _grid(ranges: Sequence[Range], start: int, count: int) -> list[Array]:
@@ -111,10 +124,15 @@ def judge(d: Designs) -> Columns:
     return table
 
 
+def judge_chunk(chunk: Chunk) -> Columns:
+    """The designs of a chunk, judged."""
+    return judge(designs(chunk))
+
+
 @checked
 def sweep(plan: Plan, chunk: int = CHUNK) -> Iterator[Columns]:
     """The judged designs of a plan, chunk by chunk, in order."""
-    return map(judge, designs(plan, chunk))
+    return map(judge_chunk, chunks(plan, chunk))
 
 
 def _spread(valid: Flags, values: Column, missing: float) -> Column:

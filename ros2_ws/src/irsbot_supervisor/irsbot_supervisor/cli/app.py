@@ -21,6 +21,7 @@ from irsbot_supervisor.cli import (
     demo,
     design,
     docs,
+    evaluate,
     faults,
     kinematics,
     limits,
@@ -34,6 +35,7 @@ from irsbot_supervisor.cli import (
     settings,
     sizing,
     stiffness,
+    sweep,
     up,
     urdf,
 )
@@ -53,7 +55,7 @@ app.command("up")(up.up)
 app.command("robots")(kinematics.list_robots)
 app.command("ik", context_settings=NUMBERS)(kinematics.inverse)
 app.command("dk", context_settings=NUMBERS)(kinematics.direct)
-app.command("evaluate")(kinematics.evaluate)
+app.command("evaluate")(evaluate.evaluate)
 app.command("replay")(replay.replay)
 app.command("check-trajectory")(check.check_trajectory)
 app.command("verdict")(operate.verdict)
@@ -74,6 +76,7 @@ app.command("map")(map.draw)
 app.command("stiffness", context_settings=NUMBERS)(stiffness.show)
 app.command("policy")(policy.policy)
 app.command("urdf")(urdf.write)
+design.app.command("sweep")(sweep.sweep)
 design.app.command("size")(sizing.size)
 for name, group in (("send", operate.app), ("design", design.app), ("algebra", algebra.app)):
     app.add_typer(group, name=name, short_help=str(group.info.help).partition("\n")[0].rstrip("."))

@@ -14,16 +14,14 @@ import yaml
 from irsbot_kinematics import BadInput, arguments
 from irsbot_kinematics import design as space
 from irsbot_kinematics.description.robot_file import read_robot
-from irsbot_kinematics.design import PARAMETERS, ZONES, Limits, Plan, Range
-from irsbot_kinematics.design.search import RANGES, Found, NoDesign, Task, judge, search
-from irsbot_kinematics.design.sweep import Columns
+from irsbot_kinematics.design import PARAMETERS, ZONES, Limits
+from irsbot_kinematics.design.search import RANGES, VARIABLES, Found, NoDesign, Task, judge, search
 from irsbot_kinematics.mechanisms.irsbot2_space.geometry import Irsbot2Geometry
-from irsbot_supervisor.bag.column_stream import write_chunks
+from irsbot_supervisor.cli.cluster import SchedulerOption, WorkersOption, cluster_of
 from irsbot_supervisor.cli.common import (
     Failed,
     existing,
     measure,
-    numbers,
     out,
     print_json,
     progress_bar,
@@ -31,12 +29,16 @@ from irsbot_supervisor.cli.common import (
 )
 from irsbot_supervisor.cli.tables import design as tables
 from irsbot_supervisor.cli.tables import design_facts as facts
+from irsbot_supervisor.fleet.cluster import short_mapping
 
 app = typer.Typer(
     help="Design space of the IRSBot-2: singularities of given lengths, and designs without them.",
     no_args_is_help=True,
     rich_markup_mode=None,
 )
+
+FEW_DESIGNS = 10_000
+"""Designs of a search of which the start of processes and the way of the calls take longer than the judging."""
 
 RobotName = Annotated[str, typer.Argument(help="preset name (see `irsbot robots`) or YAML file of an irsbot2")]
 Set = Annotated[list[str] | None, typer.Option("--set", help="replace a number, such as b=0.2 or beta=30deg")]
@@ -60,7 +62,7 @@ def check(
 
     Example: irsbot design check irsbot2 --mode +- --below.
     """
-    name, g = _design(robot, set_)
+    name, g = design_named(robot, set_)
     if below and mode is None:
         raise BadInput("--below needs --mode: it judges one working mode")
     verdict, nearest = space.check(g, zone), space.moves(g, zone)
@@ -86,7 +88,7 @@ def cells(robot: RobotName, set_: Set = None, output: Picture = None, as_json: A
 
     Example: irsbot design cells irsbot2 --set p=0.01 -o cells.png
     """
-    name, g = _design(robot, set_)
+    name, g = design_named(robot, set_)
     found = space.cells(g)
     if output:
         from irsbot_supervisor.plots.design import draw_cells
@@ -106,7 +108,7 @@ def zones(robot: RobotName, set_: Set = None, output: Picture = None, as_json: A
 
     Example: irsbot design zones irsbot2_csc -o zones.png.
     """
-    name, g = _design(robot, set_)
+    name, g = design_named(robot, set_)
     if output:
         from irsbot_supervisor.plots.design import draw_zones
 
@@ -125,7 +127,7 @@ def postures(robot: RobotName, set_: Set = None, output: Picture = None, as_json
 
     Example: irsbot design postures irsbot2_csc -o postures.png.
     """
-    name, g = _design(robot, set_)
+    name, g = design_named(robot, set_)
     found = space.singular_postures(g)
     if output:
         if not found:
@@ -138,43 +140,6 @@ def postures(robot: RobotName, set_: Set = None, output: Picture = None, as_json
         return
     out.print(tables.postures_table(g, found))
     _tell(output)
-
-
-@app.command()
-def sweep(
-    output: Annotated[Path, typer.Option("-o", "--output", help="table to write: .parquet or .csv")],
-    vary: Vary = None,
-    robot: Annotated[str, typer.Argument(help="design that gives the numbers that are not varied")] = "irsbot2",
-    samples: Annotated[int | None, typer.Option(help="random designs in Latin hypercubes; a grid if left out")] = None,
-    seed: Annotated[int, typer.Option(help="of the random designs")] = 0,
-    set_: Set = None,
-    as_json: AsJson = False,
-) -> None:
-    """Judge many designs: a grid, or Latin hypercubes, over ranges of the parameters. One row per design.
-
-    Example: irsbot design sweep --vary l1=0.1:0.5 --vary beta=5deg:60deg --samples 100000 -o designs.parquet
-    """
-    _, g = _design(robot, set_)
-    ranges = {name: Range(getattr(g, name), getattr(g, name)) for name in PARAMETERS}
-    if not vary:
-        raise BadInput("nothing to vary; give --vary name=low:high, or name=low:high:steps for a grid")
-    for name, entries in _pairs(vary):
-        bounds = entries.split(":")
-        if len(bounds) not in (2, 3) or (samples is None and len(bounds) == 2):
-            wanted = "low:high" if samples is not None else "low:high:steps"
-            raise BadInput(f"--vary {name} must be {wanted}, got '{entries}'")
-        steps = numbers([bounds[2]], "steps", 1)[0] if len(bounds) == 3 else 1.0
-        if not steps.is_integer():
-            raise BadInput(f"steps must be a whole number, got {bounds[2]}")
-        ranges[name] = Range(measure(name, bounds[0]), measure(name, bounds[1]), int(steps))
-    plan = Plan(ranges, samples, seed)
-    totals: dict[str, int] = {}
-    write_chunks(output, _watched(plan, totals))
-    summary = {"designs": len(plan), **totals, "output": output}
-    if as_json:
-        print_json(summary)
-    else:
-        out.print(tables.sweep_table(summary))
 
 
 @app.command("search")
@@ -193,25 +158,33 @@ def search_(
     generations: Annotated[int, typer.Option(help="of the search")] = Task.generations,
     population: Annotated[int, typer.Option(help="designs per parameter and generation")] = Task.population,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="write the design as a robot file")] = None,
+    scheduler: SchedulerOption = None,
+    workers: WorkersOption = None,
     as_json: AsJson = False,
 ) -> None:
     """Search for the design in a zone with the largest useful rectangle, symmetric and below the base, usual mode.
 
     Example: irsbot design search --slack 0.02 -o free.yaml
     """
+    cluster = cluster_of(scheduler, workers)
     ranges = dict(RANGES)
-    for name, entries in _pairs(vary or []):
+    for name, entries in pairs(vary or []):
         bounds = entries.split(":")
         if name not in RANGES or len(bounds) != 2:
             raise BadInput(f"--vary must be {'|'.join(RANGES)}=low:high, got '{name}={entries}'")
         ranges[name] = (measure(name, bounds[0]), measure(name, bounds[1]))
     limits = Limits(type1, type2, constraint)
     task = Task(size, slack, zone, limits, ranges, seed, population, generations)
-    other_name, other = _design(compare, None)
+    other_name, other = design_named(compare, None)
     try:
-        with progress_bar() as progress:
+        designs = generations * population * len(VARIABLES)
+        with progress_bar() as progress, short_mapping(cluster, designs <= FEW_DESIGNS) as spread:
             bar = progress.add_task("generation", total=generations)
-            found = search(task, lambda at, best: progress.update(bar, completed=at, description=f"{best:.4f} m2"))
+
+            def told(at: int, best: float) -> None:
+                progress.update(bar, completed=at, description=f"{best:.4f} m2")
+
+            found = search(task, told, spread)
     except NoDesign as error:
         raise Failed(str(error)) from None
     reference = judge(_scaled(other, size / (other.l1 + other.l2eq)), task)
@@ -226,16 +199,17 @@ def search_(
     _tell(output)
 
 
-def _design(robot: str, replaced: list[str] | None) -> tuple[str, Irsbot2Geometry]:
+def design_named(robot: str, replaced: list[str] | None) -> tuple[str, Irsbot2Geometry]:
     """Name and geometry of an irsbot2. Raises BadInput for another mechanism."""
-    read = read_robot(robot, {name: measure(name, value) for name, value in _pairs(replaced or [])})
+    read = read_robot(robot, {name: measure(name, value) for name, value in pairs(replaced or [])})
     g = read.mechanism.geometry
     if not isinstance(g, Irsbot2Geometry):
         raise BadInput(f"the design space is that of the irsbot2; '{robot}' is a {read.mechanism.kind}")
     return read.name, g
 
 
-def _pairs(entries: list[str]) -> Iterator[tuple[str, str]]:
+def pairs(entries: list[str]) -> Iterator[tuple[str, str]]:
+    """Names of parameters and what stands behind the equals signs. Raises BadInput."""
     for entry in entries:
         name, equals, value = entry.partition("=")
         if not equals or name not in (*PARAMETERS, "e"):
@@ -253,17 +227,6 @@ def _picture(path: Path) -> Path:
 def _tell(path: Path | None) -> None:
     if path:
         out.print(f"written: {path}", markup=False)
-
-
-def _watched(plan: Plan, totals: dict[str, int]) -> Iterator[Columns]:
-    """The chunks of a sweep, with a progress bar and running totals of the main results."""
-    with progress_bar() as progress:
-        bar = progress.add_task("designs", total=len(plan))
-        for chunk in space.sweep(plan):
-            for name in ("valid", "distal_free", *(f"zone_{zone}" for zone in ZONES)):
-                totals[name] = totals.get(name, 0) + int(chunk[name].sum())
-            yield chunk
-            progress.advance(bar, len(chunk["valid"]))
 
 
 def _scaled(g: Irsbot2Geometry, factor: float) -> Irsbot2Geometry:

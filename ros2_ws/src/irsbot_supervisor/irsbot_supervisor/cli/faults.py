@@ -11,6 +11,7 @@ import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from irsbot_supervisor.cli.cluster import SchedulerOption, cluster_of
 from irsbot_supervisor.cli.common import Failed, err, out, print_json, refuse
 from irsbot_supervisor.validation.harness.rows import FALSE_STOPS, RECOVERY_S, TO_STOP_S, Entry, Row
 
@@ -26,7 +27,10 @@ def faults(
     robot: Annotated[list[str] | None, typer.Option(help="of rows over all robots, these alone")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="a small share of every row: a minute")] = False,
     seed: Annotated[int, typer.Option(help="of all random numbers", min=0)] = 1,
-    jobs: Annotated[int, typer.Option(help="rows that run at the same time", min=1)] = 1,
+    scheduler: SchedulerOption = None,
+    workers: Annotated[
+        int | None, typer.Option(help="rows that run at the same time on this machine; one if left out", min=1)
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="write the table here, as Markdown")] = None,
 ) -> None:
@@ -38,8 +42,9 @@ def faults(
     """
     from irsbot_supervisor.validation.harness.oracle import supervised
     from irsbot_supervisor.validation.registry import ENTRIES  # builds robots
-    from irsbot_supervisor.validation.runner import run_rows
+    from irsbot_supervisor.validation.runner import run_rows, run_rows_on
 
+    cluster = cluster_of(scheduler, workers)
     known = {entry.name: entry for entry in ENTRIES}
     if unknown := sorted(set(only or ()) - set(known)):
         refuse(f"no row '{unknown[0]}'; there are {', '.join(known)}")
@@ -51,8 +56,13 @@ def faults(
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), console=err
     ) as bars:
         tasks = {order.entry.name: bars.add_task(order.entry.name, total=order.amount) for order in orders}
-        rows = []
-        for row in run_rows(orders, jobs, lambda name, cases: bars.advance(tasks[name], cases)):
+        rows: list[Row] = []
+        ready = (
+            run_rows(orders, workers or 1, lambda name, cases: bars.advance(tasks[name], cases))
+            if scheduler is None
+            else run_rows_on(orders, cluster)
+        )
+        for row in ready:
             bars.update(tasks[row.name], total=max(row.amount, 1), completed=max(row.amount, 1))
             rows.append(row)
     rows.sort(key=lambda row: list(known).index(row.name))

@@ -5,20 +5,14 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
 
-import typer
 from rich.table import Table
 
 from irsbot_kinematics import BadInput
+from irsbot_supervisor.cli.cluster import everywhere
 from irsbot_supervisor.cli.common import Failed, out, print_json, progress_bar
 from irsbot_supervisor.fleet.cluster import Cluster
 from irsbot_supervisor.fleet.records import BagJob, BagRow, Fleet, Options
-
-SchedulerOption = Annotated[
-    str | None, typer.Option(help="for many bags: a Dask scheduler, tcp://host:8786; this machine if left out")
-]
-WorkersOption = Annotated[int | None, typer.Option(help="for many bags: processes of this machine, all cores", min=1)]
 
 
 def options_of(
@@ -29,7 +23,7 @@ def options_of(
     mechanism: Sequence[Path] | None,
 ) -> Options:
     """Options for workers, whose folder is another one: files by absolute paths."""
-    machine = str(Path(robot).resolve()) if robot is not None and Path(robot).is_file() else robot
+    machine = everywhere(robot) if robot is not None else None
     files = None if mechanism is None else tuple(str(file.resolve()) for file in mechanism)
     return Options(machine, str(settings.resolve()) if settings is not None else None, namespace, topic, files)
 
@@ -41,8 +35,6 @@ def judged(
 
     Raises BadInput, OSError.
     """
-    if cluster.scheduler is not None and cluster.workers is not None:
-        raise BadInput("--workers is for this machine; the workers of --scheduler are those that were started for it")
     from irsbot_supervisor.fleet.bags import judge_fleet  # polars, and for the page jinja2
     from irsbot_supervisor.fleet.dataset import Dataset
 

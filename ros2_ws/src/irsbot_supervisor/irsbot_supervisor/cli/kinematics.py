@@ -1,20 +1,17 @@
-"""`ik`, `dk`, `evaluate`, `robots`: the library from the shell."""
+"""`ik`, `dk`, `robots`: the library from the shell."""
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import asdict
-from pathlib import Path
 from typing import Annotated, Any
 
-import numpy as np
 import typer
 from rich.table import Table
 
-from irsbot_kinematics import LabelsVary, NotAssembled, Robot, Unreachable, make_robot, robots
+from irsbot_kinematics import NotAssembled, Robot, Unreachable, make_robot, robots
 from irsbot_kinematics.arguments import working_mode
 from irsbot_kinematics.mechanism import Coordinate
-from irsbot_supervisor.cli.common import Failed, err, existing, numbers, out, print_json, robot_named, sign_text
+from irsbot_supervisor.cli.common import Failed, numbers, out, print_json, robot_named, sign_text
 
 RobotName = Annotated[str, typer.Argument(help="preset name (see `irsbot robots`) or YAML file")]
 MOST_COLUMNS = 10_000
@@ -105,49 +102,6 @@ def direct(
         raise Failed(str(refusals[0]))
     if not as_json:
         _print_evaluations(machine, found)
-
-
-def evaluate(
-    robot: RobotName,
-    source: Annotated[Path, typer.Option("--input", help="CSV with one column per joint, or a bag")],
-    target: Annotated[Path, typer.Option("--output", help="CSV or Parquet file to write")],
-    assembly: Annotated[int | None, typer.Option(help="assembly mode; the usual one if left out")] = None,
-    load: Annotated[float | None, typer.Option(help="N of any direction: largest leg forces as well")] = None,
-    moment: Annotated[float, typer.Option(help="N m of either sign, with --load")] = 0.0,
-    topic: Annotated[
-        str | None, typer.Option(help="joint states to take, in a bag with several topics of them")
-    ] = None,
-    as_json: AsJson = False,
-) -> None:
-    """Margins of many joint samples at once.
-
-    Example: irsbot evaluate irsbot2 --input joints.csv --output margins.csv
-    """
-    from irsbot_supervisor.bag.columns import read_joint_columns, write_columns  # polars takes its time to load
-
-    machine = robot_named(robot)
-    names = [joint.name for joint in machine.mechanism.joints]
-    joints, times = read_joint_columns(existing(source, "the input"), names, topic)
-    with warnings.catch_warnings(record=True) as warned:
-        warnings.simplefilter("always", LabelsVary)
-        found = machine.evaluate_many(joints, assembly, force=load, moment=moment)
-    for warning in warned:
-        err.print(f"irsbot: {warning.message}")
-    columns: dict[str, Any] = {"time_s": times} if times is not None else {}
-    columns |= {name: joints[:, i] for i, name in enumerate(names)}
-    columns |= {coordinate.name: found.pose[:, i] for i, coordinate in enumerate(machine.mechanism.task)}
-    columns |= {f"type1_margin_{i + 1}": column for i, column in enumerate(found.type1_margin.T)}
-    columns |= {"type2_margin": found.type2_margin, "constraint_margin": found.constraint_margin}
-    columns |= {f"limb_margin_{i + 1}": column for i, column in enumerate(found.limb_margin.T)}
-    columns |= {f"pressure_angle_{i + 1}": column for i, column in enumerate(found.pressure_angle.T)}
-    columns |= {f"reaction_max_{i + 1}": column for i, column in enumerate(found.reaction_max.T)}
-    columns |= {"reach_m": found.reach, "status": found.status}
-    write_columns(target, columns)
-    solved = int(np.count_nonzero(found.status == 0))
-    if as_json:
-        print_json({"samples": len(joints), "assembled": solved, "file": target})
-    else:
-        out.print(f"{len(joints)} samples, {solved} assembled, written to {target}")
 
 
 def _print_solutions(joints: tuple[Coordinate, ...], solutions: list[dict[str, Any]]) -> None:

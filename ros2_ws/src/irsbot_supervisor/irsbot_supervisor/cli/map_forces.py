@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from irsbot_kinematics.analysis.force_workspace import Load, force_workspace, re
 from irsbot_kinematics.analysis.workspace_maps import Box, area_where
 from irsbot_kinematics.mechanism import Signs
 from irsbot_kinematics.numerics.arithmetic import Array
-from irsbot_supervisor.cli.common import out, print_json, sign_text
+from irsbot_supervisor.cli.common import sign_text
 
 
 def draw_forces(
@@ -23,11 +24,10 @@ def draw_forces(
     load: Load,
     centre: Sequence[float] | None,
     target: Path,
-    as_json: bool,
-) -> None:
+) -> tuple[dict[str, Any], list[str]]:
     """Write the largest leg force over a grid of poses; with a centre also the force workspace around it.
 
-    Raises BadInput.
+    Returns figures, and the same in words. Raises BadInput.
     """
     mechanism = robot.mechanism
     if len(box.others) != len(mechanism.task) - 2:
@@ -51,14 +51,14 @@ def draw_forces(
         stated = f"{load.force_n:g} N" + (f", {load.moment_nm:g} N m" if load.moment_nm else "")
         title = f"{robot.name}, working mode {sign_text(mode)}: largest leg force under {stated}"
         draw_force_map((names[0], names[1]), first, second, largest, load.admissible_n, centre, around, title, target)
-    if as_json:
-        facts = {"admissible_area_m2": area, "smallest_n": float(np.nanmin(largest)) if carried.any() else None}
-        print_json({**facts, "force_workspace_m2": around.area_m2 if around is not None else None, "file": target})
-        return
-    out.print(f"largest leg force at most {load.admissible_n:g} N: {area:.4f} m2 of the box")
+    facts = {
+        "admissible_area_m2": area,
+        "smallest_n": float(np.nanmin(largest)) if carried.any() else None,
+        "force_workspace_m2": around.area_m2 if around is not None else None,
+    }
+    lines = [f"largest leg force at most {load.admissible_n:g} N: {area:.4f} m2 of the box"]
     if around is not None:
         shown = ", ".join(f"{value:g}" for value in centre or ())
-        out.print(
-            f"force workspace around ({shown}): {around.area_m2:.4f} m2, radius {around.radius_m.min():.4f} m or more"
-        )
-    out.print(f"written to {target}")
+        radius_m = f"radius {around.radius_m.min():.4f} m or more"
+        lines.append(f"force workspace around ({shown}): {around.area_m2:.4f} m2, {radius_m}")
+    return facts, lines

@@ -11,10 +11,9 @@ from rich.table import Table
 from irsbot_kinematics import BadInput
 from irsbot_msgs_py.records import cause_names
 from irsbot_supervisor.cli import fleet
+from irsbot_supervisor.cli.cluster import SchedulerOption, WorkersOption, cluster_of
 from irsbot_supervisor.cli.common import BAD_INPUT, Failed, err, out, print_json, progress_bar
-from irsbot_supervisor.cli.fleet import SchedulerOption, WorkersOption
 from irsbot_supervisor.cli.junit import Suite, write_junit
-from irsbot_supervisor.fleet.cluster import Cluster
 from irsbot_supervisor.fleet.records import BagCheck
 from irsbot_supervisor.fleet.search import bags_in
 from irsbot_supervisor.replay.expectation import write_draft
@@ -88,7 +87,7 @@ def replay(
             raise BadInput("--expect and --write-expect are for one bag; several keep expected.json beside each bag")
         else:
             alone, options = None, fleet.options_of(robot, settings, namespace, topic, mechanism)
-            rows = fleet.judged(found, options, Cluster(scheduler, workers), dataset)
+            rows = fleet.judged(found, options, cluster_of(scheduler, workers), dataset)
             suites = [Suite(row.bag, row.checks, row.error) for row in rows]
     except (*BAD_INPUT, OSError) as error:
         if junit is not None:

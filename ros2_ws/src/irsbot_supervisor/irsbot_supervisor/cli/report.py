@@ -9,8 +9,8 @@ import typer
 
 from irsbot_kinematics import BadInput
 from irsbot_supervisor.cli import fleet
+from irsbot_supervisor.cli.cluster import SchedulerOption, WorkersOption, cluster_of
 from irsbot_supervisor.cli.common import out, print_json
-from irsbot_supervisor.cli.fleet import SchedulerOption, WorkersOption
 from irsbot_supervisor.cli.replay import (
     BagsArgument,
     MechanismOption,
@@ -20,7 +20,6 @@ from irsbot_supervisor.cli.replay import (
     TopicOption,
     judged_with_progress,
 )
-from irsbot_supervisor.fleet.cluster import Cluster
 from irsbot_supervisor.fleet.search import bags_in
 
 
@@ -62,6 +61,6 @@ def report(
     if pages.suffix:
         raise BadInput(f"cannot write '{pages}': {len(found)} bags need a folder, without a suffix")
     options = fleet.options_of(robot, settings, namespace, topic, mechanism)
-    rows = fleet.judged(found, options, Cluster(scheduler, workers), pages, page=True)
+    rows = fleet.judged(found, options, cluster_of(scheduler, workers), pages, page=True)
     fleet.show(rows, pages, as_json)
     fleet.raise_if_not_judged(rows)

@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
+from itertools import chain, islice
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 from irsbot_kinematics import BadInput
@@ -20,11 +22,20 @@ if TYPE_CHECKING:
 Job = TypeVar("Job")
 Result = TypeVar("Result")
 
+Map = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
+"""What `map` does with one function and one iterable."""
+
 ANSWER_S = 10.0
 """s until a scheduler must have answered, and one worker must be there."""
 
 START_S = 60.0
 """s until the processes of this machine must have started."""
+
+AHEAD = 4
+"""Jobs per worker that are submitted: enough that none waits for the next one."""
+
+SHARES = 2
+"""Parts per worker of short jobs: more even out their lengths, fewer travel faster."""
 
 
 class Cluster(NamedTuple):
@@ -33,6 +44,11 @@ class Cluster(NamedTuple):
 
     scheduler: str | None = None
     workers: int | None = None
+
+    @property
+    def stated(self) -> bool:
+        """True if somebody asked for it; else few jobs may as well be done without."""
+        return self.scheduler is not None or self.workers is not None
 
 
 HERE = Cluster()
@@ -52,30 +68,140 @@ class Answer(NamedTuple, Generic[Result]):
     result: Result | JobFailed
 
 
-def run(function: Callable[[Job], Result], jobs: Sequence[Job], cluster: Cluster = HERE) -> Iterator[Answer[Result]]:
-    """Call the function for every job, elsewhere; answers come in the order in which they are ready.
+class Workers:
+    """Processes that do jobs. At most AHEAD jobs for each of them are submitted and not yet answered to the caller, so
+    memory is bounded whatever the number of jobs. A job that runs out of processes is answered by JobFailed.
 
-    function: of a module that the workers can import, too. Jobs and results are pickled.
-
-    Raises BadInput where no scheduler or no worker answers, where the scheduler goes away, and where a worker has
-    another version of this code; answers that came before are complete.
+    Functions must be of a module that the workers can import, too; jobs and results are pickled. Every method raises
+    BadInput where the scheduler goes away and where a worker has another version of this code; what was answered before
+    is complete.
     """
-    if not jobs:
-        return
-    with _connected(cluster) as client:
-        from distributed import CancelledError, as_completed
+
+    def __init__(self, client: Client, address: str) -> None:
+        self._client, self._address = client, address
+
+    def answers(self, function: Callable[[Job], Result], jobs: Iterable[Job]) -> Iterator[Answer[Result]]:
+        """Call the function for every job; answers come in the order in which they are ready."""
+        from distributed import as_completed
+
+        left, places, ready = enumerate(jobs), dict[str, int](), as_completed(loop=self._client.loop)
+        while True:
+            with self._there():
+                for place, job in islice(left, self._room(len(places))):
+                    future = self._submit(function, job)
+                    places[future.key] = place
+                    ready.add(future)
+                if not places:
+                    return
+                future = next(ready)
+                result = _result(future)
+            yield Answer(places.pop(future.key), result)
+
+    def in_order(self, function: Callable[[Job], Result], jobs: Iterable[Job]) -> Iterator[Result | JobFailed]:
+        """Call the function for every job; results come in the order of the jobs."""
+        left, line = iter(jobs), deque[Any]()
+        while True:
+            with self._there():
+                line.extend(self._submit(function, job) for job in islice(left, self._room(len(line))))
+                if not line:
+                    return
+                result = _result(line.popleft())
+            yield result
+
+    def spread(self, function: Callable[[Job], Result], jobs: Iterable[Job]) -> list[Result]:
+        """`list(map(function, jobs))` of many short jobs: a few calls travel together.
+
+        Raises BadInput if one of them fails.
+        """
+        if not (calls := list(jobs)):
+            return []
+        with self._there():
+            length = -(-len(calls) // (SHARES * self._count()))
+        shares = [(function, calls[first : first + length]) for first in range(0, len(calls), length)]
+        return [result for share in whole(self.in_order(_each, shares)) for result in share]
+
+    def _submit(self, function: Callable[[Any], Any], job: Any) -> Any:
+        return self._client.submit(_called, (function, job, code_version()), pure=False)
+
+    def _count(self) -> int:
+        """Number of jobs that are done at the same time; workers come and go."""
         from distributed.comm.core import CommClosedError
 
-        futures = client.map(_called, [(function, job, code_version()) for job in jobs], pure=False)
-        places = {future.key: place for place, future in enumerate(futures)}
+        if self._client.status != "running":
+            raise CommClosedError
         try:
-            for future in as_completed(futures):
-                if future.cancelled():
-                    raise CancelledError(future.key)
-                yield Answer(places[future.key], _result(future))
-                future.release()
+            threads: dict[str, int] = self._client.nthreads()
+        except OSError:
+            raise CommClosedError from None
+        return max(sum(threads.values()), 1)
+
+    def _room(self, submitted: int) -> int:
+        """Number of jobs that may be submitted besides those that are."""
+        return max(AHEAD * self._count() - submitted, 0)
+
+    @contextmanager
+    def _there(self) -> Iterator[None]:
+        """Raises BadInput where the scheduler goes away."""
+        from distributed import CancelledError
+        from distributed.comm.core import CommClosedError
+
+        try:
+            yield
         except (CancelledError, CommClosedError):
-            raise BadInput(f"the scheduler {_address(cluster)} went away; run the command again to go on") from None
+            raise BadInput(f"the scheduler {self._address} went away; run the command again") from None
+
+
+def run(function: Callable[[Job], Result], jobs: Iterable[Job], cluster: Cluster = HERE) -> Iterator[Answer[Result]]:
+    """`Workers.answers` of a cluster that is used for this alone. Without a job, no cluster is asked.
+
+    Raises BadInput, also where no scheduler or no worker answers.
+    """
+    left = iter(jobs)
+    for first in islice(left, 1):
+        with workers_of(cluster) as workers:
+            yield from workers.answers(function, chain([first], left))
+
+
+def whole(results: Iterable[Result | JobFailed]) -> Iterator[Result]:
+    """The results, all of which are needed. Raises BadInput for a job that failed."""
+    for result in results:
+        if isinstance(result, JobFailed):
+            raise BadInput(result.text)
+        yield result
+
+
+@contextmanager
+def mapping(cluster: Cluster, few: bool) -> Iterator[Map]:
+    """A `map` whose calls are done by a cluster: results in order, and all of them.
+
+    few: so little work that it is done in this process unless the cluster was stated. The map raises BadInput for a
+    call that fails and where the scheduler goes away.
+    """
+    if few and not cluster.stated:
+        yield map
+        return
+    with workers_of(cluster) as workers:
+        yield lambda function, jobs: whole(workers.in_order(function, jobs))
+
+
+@contextmanager
+def short_mapping(cluster: Cluster, few: bool) -> Iterator[Map]:
+    """Likewise, for many calls of a few milliseconds each, again and again."""
+    if few and not cluster.stated:
+        yield map
+        return
+    with workers_of(cluster) as workers:
+        yield workers.spread
+
+
+@contextmanager
+def workers_of(cluster: Cluster) -> Iterator[Workers]:
+    """Workers; processes that were started for them end with them.
+
+    Raises BadInput where no scheduler or no worker answers.
+    """
+    with _connected(cluster) as client:
+        yield Workers(client, cluster.scheduler or "of this machine")
 
 
 class _OtherVersion(Exception):
@@ -90,22 +216,27 @@ def _called(stated: tuple[Callable[[Any], Any], Any, str]) -> Any:
     return function(job)
 
 
-def _result(future: Any) -> Any:
-    """The result of a job that is done, or why there is none."""
-    from distributed import KilledWorker
+def _each(share: tuple[Callable[[Any], Any], list[Any]]) -> list[Any]:
+    """Several calls, in a worker."""
+    function, calls = share
+    return [function(call) for call in calls]
 
+
+def _result(future: Any) -> Any:
+    """The result of a job, awaited, or why there is none."""
+    from distributed import KilledWorker, wait
+
+    wait([future])  # raises CancelledError
     error = future.exception() if future.status == "error" else None
     if error is None:
-        return future.result()
+        result = future.result()
+        future.release()
+        return result
     if isinstance(error, KilledWorker):
         return JobFailed("one worker process after another ended while it did this; is there enough memory?")
     if isinstance(error, _OtherVersion):
         raise BadInput(f"a worker {error}") from None
     return JobFailed(f"{type(error).__name__}: {error}")
-
-
-def _address(cluster: Cluster) -> str:
-    return cluster.scheduler or "of this machine"
 
 
 @contextmanager
@@ -115,7 +246,7 @@ def _connected(cluster: Cluster) -> Iterator[Client]:
         import dask
         from distributed import Client, LocalCluster
     except ImportError as error:
-        raise BadInput(f"several bags need {error.name}: 'pip install distributed'") from None
+        raise BadInput(f"many jobs need {error.name}: 'pip install distributed'") from None
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # we say ourselves what matters
     with dask.config.set({"distributed.comm.timeouts.connect": f"{ANSWER_S}s"}):
         if cluster.scheduler is not None:
@@ -127,6 +258,7 @@ def _connected(cluster: Cluster) -> Iterator[Client]:
                 n_workers=cluster.workers or os.cpu_count() or 1,
                 threads_per_worker=1,
                 dashboard_address=None,
+                scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},  # its server of figures finds a free port
                 silence_logs=logging.CRITICAL,
             ) as local,
             Client(local, timeout=START_S) as client,

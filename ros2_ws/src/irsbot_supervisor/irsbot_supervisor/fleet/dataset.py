@@ -6,19 +6,16 @@ same content, options and version is not judged again.
 
 from __future__ import annotations
 
-import os
+import io
 from collections.abc import Sequence
 from pathlib import Path
 
 import polars as pl
 
-from irsbot_kinematics import BadInput
+from irsbot_supervisor.fleet.folder import ResultFolder
 from irsbot_supervisor.fleet.judging import BagResult, row_in
 from irsbot_supervisor.fleet.page import fleet_page
 from irsbot_supervisor.fleet.records import BagJob, BagRow
-
-MARK = "fleet.txt"
-"""File by which the folder of a fleet is known."""
 
 TABLE = "fleet.parquet"
 PAGE = "fleet.html"
@@ -31,11 +28,8 @@ class Dataset:
 
     def __init__(self, folder: Path) -> None:
         """Raises BadInput for a folder with other files."""
-        if folder.exists() and not folder.is_dir():
-            raise BadInput(f"cannot write '{folder}': it is a file, must be a new folder, or one of a fleet")
-        if folder.is_dir() and any(folder.iterdir()) and not (folder / MARK).exists():
-            raise BadInput(f"'{folder}' holds other files; a fleet needs a new or empty folder, or one of a fleet")
         self.folder = folder
+        self._kept = ResultFolder(folder, "fleet", "per bag in samples/ and pages/, of all in fleet.*")
 
     def known(self, job: BagJob) -> BagRow | None:
         """The row of a bag that is there with everything that the job wants."""
@@ -47,34 +41,26 @@ class Dataset:
 
     def add(self, job: BagJob, found: BagResult) -> None:
         """Keep what a job gave. The samples come last: they say that the bag is done."""
-        self._make()
         if found.page is not None:
-            _write(self.page(job), found.page.encode())
+            self._kept.write(self.page(job), found.page.encode())
         if found.samples is not None:
-            _write(self._samples(job), found.samples)
+            self._kept.write(self._samples(job), found.samples)
 
     def finish(self, jobs: Sequence[BagJob], rows: Sequence[BagRow]) -> None:
         """Write the table and the page of all bags."""
-        self._make()
         columns = [{key: value for key, value in row.as_json().items() if key != "checks"} for row in rows]
-        part = self.folder / f"{TABLE}.part"
-        pl.DataFrame(columns, schema=_SCHEMA).write_parquet(part)
-        os.replace(part, self.folder / TABLE)
+        table = io.BytesIO()
+        pl.DataFrame(columns, schema=_SCHEMA).write_parquet(table)
+        self._kept.write(self.folder / TABLE, table.getvalue())
         links = [
             self.page(job).relative_to(self.folder).as_posix() if job.page and not row.error else ""
             for job, row in zip(jobs, rows, strict=True)
         ]
-        _write(self.folder / PAGE, fleet_page(rows, links).encode())
+        self._kept.write(self.folder / PAGE, fleet_page(rows, links).encode())
 
     def page(self, job: BagJob) -> Path:
         """Where the page of a bag stands."""
         return self.folder / PAGES / f"{Path(job.path).stem}-{job.key}.html"
-
-    def _make(self) -> None:
-        for name in (SAMPLES, PAGES):
-            (self.folder / name).mkdir(parents=True, exist_ok=True)
-        if not (self.folder / MARK).exists():
-            _write(self.folder / MARK, b"Written by irsbot: per bag in samples/ and pages/, of all in fleet.*\n")
 
     def _samples(self, job: BagJob) -> Path:
         return self.folder / SAMPLES / f"{Path(job.path).stem}-{job.key}.parquet"
@@ -89,9 +75,3 @@ _SCHEMA = {
         "result": "str",
     }.items()
 }
-
-
-def _write(file: Path, data: bytes) -> None:
-    part = file.with_name(f"{file.name}.part")
-    part.write_bytes(data)
-    os.replace(part, file)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
@@ -10,10 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from irsbot_supervisor.fleet.version import code_version
-
-BLOCK = 1 << 20
-"""Bytes of a file that are read at once."""
+from irsbot_supervisor.fleet.folder import key_of
 
 SHOWN_FAULTS = 20
 """Differences per check that are kept in words; all are counted."""
@@ -47,13 +43,7 @@ class BagJob:
 
         Raises OSError if a file cannot be read.
         """
-        stated = hashlib.sha256(f"{self.name}\0{json.dumps(asdict(self.options))}\0{code_version()}".encode())
-        for file in _files(Path(self.path), self.options):
-            stated.update(f"\0{file.name}\0".encode())
-            with file.open("rb") as opened:
-                while block := opened.read(BLOCK):
-                    stated.update(block)
-        return stated.hexdigest()[:16]
+        return key_of(f"{self.name}\0{json.dumps(asdict(self.options))}", _files(Path(self.path), self.options))
 
 
 @dataclass(frozen=True)

@@ -87,7 +87,7 @@ class Suite:
                 stderr=subprocess.STDOUT,
                 env=self._environment,
                 start_new_session=True,  # Ctrl-C is ours: the nodes are asked to end in order
-                preexec_fn=_end_with_parent,
+                preexec_fn=end_with_parent,
             )
 
     def end(self, name: str, how: signal.Signals = signal.SIGINT) -> int:
@@ -177,5 +177,6 @@ def _end_claims() -> None:
         _claims.popleft().close()
 
 
-def _end_with_parent() -> None:
+def end_with_parent() -> None:
+    """For a process that was just forked: it ends with the one that started it."""
     ctypes.CDLL(None, use_errno=True).prctl(_DIE_WITH_PARENT, signal.SIGKILL)

@@ -1,14 +1,22 @@
-"""Runs rows of the campaign, each in its own process, and reports their progress."""
+"""Runs rows of the campaign, each in its own process: on this machine with their progress, or on a cluster."""
 
 from __future__ import annotations
 
 import multiprocessing
+import os
+import pickle
+import subprocess
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from time import monotonic
 from typing import NamedTuple
 
+from irsbot_supervisor.fleet.cluster import Cluster, JobFailed, run
+from irsbot_supervisor.processes.suite import end_with_parent
 from irsbot_supervisor.validation.harness.rows import Entry, Job, Row
 
 TELL_S = 0.2
@@ -27,13 +35,13 @@ class Order(NamedTuple):
     robots: tuple[str, ...] = ()
 
 
-def run_rows(orders: Sequence[Order], jobs: int, progress: Progress) -> Iterator[Row]:
-    """Rows as they are done, at most `jobs` at a time. A row whose process crashes has failed, with the reason."""
+def run_rows(orders: Sequence[Order], workers: int, progress: Progress) -> Iterator[Row]:
+    """Rows as they are done, at most `workers` at a time. A row whose process crashes has failed, with the reason."""
     context = multiprocessing.get_context("spawn")  # nothing of one row is left to another
     waiting, running = list(reversed(orders)), dict[Connection, tuple[SpawnProcess, Order]]()
     try:
         while waiting or running:
-            while waiting and len(running) < jobs:
+            while waiting and len(running) < workers:
                 order = waiting.pop()
                 ours, theirs = context.Pipe(duplex=False)
                 process = context.Process(target=_work, args=(order, theirs), daemon=False)
@@ -58,6 +66,41 @@ def run_rows(orders: Sequence[Order], jobs: int, progress: Progress) -> Iterator
             connection.close()
 
 
+def run_rows_on(orders: Sequence[Order], cluster: Cluster) -> Iterator[Row]:
+    """Likewise, by the workers of a cluster. The row of a worker that ends is begun again by another one.
+
+    Raises BadInput where the cluster cannot be used.
+    """
+    for answer in run(run_row, orders, cluster):
+        result = answer.result
+        yield _broken(orders[answer.place], result.text) if isinstance(result, JobFailed) else result
+
+
+def run_row(order: Order) -> Row:
+    """A row in a process of its own, which ends with this one. For workers: they must not use multiprocessing."""
+    with TemporaryDirectory() as folder:
+        stated, found = Path(folder, "order"), Path(folder, "row")
+        stated.write_bytes(pickle.dumps(order))
+        done = subprocess.run(
+            [sys.executable, "-c", _IN_A_PROCESS, stated, found],
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+            preexec_fn=end_with_parent,
+        )
+        if done.returncode:
+            return _broken(order, f"the process of the row ended with exit code {done.returncode}")
+        row: Row = pickle.loads(found.read_bytes())
+        return row
+
+
+_IN_A_PROCESS = "import sys; from irsbot_supervisor.validation.runner import serve; serve(*sys.argv[1:])"
+
+
+def serve(stated: str, found: str) -> None:
+    """Read an order from a file, write its row to another."""
+    row = _row_of(pickle.loads(Path(stated).read_bytes()), lambda _cases: None)
+    Path(found).write_bytes(pickle.dumps(row))
+
+
 def _hear(connection: Connection) -> int | Row | None:
     """Number of cases done, or the row; None if the process has ended."""
     try:
@@ -78,12 +121,17 @@ def _work(order: Order, connection: Connection) -> None:
             connection.send(pending)
             pending, told_s = 0, monotonic()
 
-    try:
-        row = order.entry.run(Job(order.amount, order.seed, tell, order.robots))
-    except Exception as error:  # a campaign that breaks must not look like one that found nothing
-        row = _broken(order, f"{type(error).__name__}: {error}")
+    row = _row_of(order, tell)
     connection.send(row)
     connection.close()
+
+
+def _row_of(order: Order, tell: Callable[[int], None]) -> Row:
+    """The row, also of one that breaks down."""
+    try:
+        return order.entry.run(Job(order.amount, order.seed, tell, order.robots))
+    except Exception as error:  # a campaign that breaks must not look like one that found nothing
+        return _broken(order, f"{type(error).__name__}: {error}")
 
 
 def _broken(order: Order, why: str) -> Row:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
+from threading import Event
+
 from irsbot_supervisor.validation.harness.rows import Job, Row, Tally
 
 
@@ -15,3 +19,14 @@ def not_met(work: Job) -> Row:
     tally.case(failed="late")
     tally.case()
     return tally.row()
+
+
+def end(_job: Job) -> Row:
+    os._exit(3)
+
+
+def tell_and_wait(job: Job) -> Row:
+    """Write the process into the file that the job names as its robot, and never end."""
+    Path(job.robots[0]).write_text(str(os.getpid()))
+    Event().wait()
+    raise AssertionError("nobody sets it")

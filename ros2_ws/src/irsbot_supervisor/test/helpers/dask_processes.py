@@ -1,0 +1,56 @@
+"""A Dask scheduler and a worker as processes, and ways to end them in the middle of the work."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import psutil
+
+PATH = os.pathsep.join(filter(None, sys.path))
+
+
+@contextmanager
+def process(*words: str, until: str) -> Iterator[tuple[subprocess.Popen[str], str]]:
+    """A process of Dask, and the line by which it says that it is ready."""
+    command = [sys.executable, "-m", *words]
+    with subprocess.Popen(
+        command, stderr=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": PATH}
+    ) as started:
+        try:
+            assert started.stderr is not None
+            yield started, next(line for line in started.stderr if until in line)
+        finally:
+            family = psutil.Process(started.pid).children(recursive=True) if started.poll() is None else []
+            for one in (*family, started):
+                one.kill()
+
+
+@contextmanager
+def dask_cluster() -> Iterator[tuple[str, subprocess.Popen[str], subprocess.Popen[str]]]:
+    """Address and process of a scheduler, and the nanny of its one worker."""
+    where = ("--host", "127.0.0.1", "--no-dashboard")
+    with process("distributed.cli.dask_scheduler", *where, "--port", "0", until="Scheduler at") as (scheduler, line):
+        address = re.search(r"tcp://\S+", line)[0]
+        words = ("distributed.cli.dask_worker", address, *where, "--nthreads", "1", "--nworkers", "1")
+        with process(*words, until="Registered to") as (nanny, _line):
+            yield address, scheduler, nanny
+
+
+def once(act: Callable[[], None], when: int) -> Callable[[int, int], None]:
+    """A progress that acts when that many bags are done."""
+    left = [act]
+    return lambda done, _total: left.pop()() if done >= when and left else None
+
+
+def kill_worker(nanny: subprocess.Popen[str]) -> None:
+    """End the worker process of a nanny as a lack of memory does."""
+    (worker,) = [
+        one for one in psutil.Process(nanny.pid).children() if "resource_tracker" not in " ".join(one.cmdline())
+    ]
+    worker.send_signal(signal.SIGKILL)
