@@ -36,7 +36,9 @@ def dask_cluster() -> Iterator[tuple[str, subprocess.Popen[str], subprocess.Pope
     """Address and process of a scheduler, and the nanny of its one worker."""
     where = ("--host", "127.0.0.1", "--no-dashboard")
     with process("distributed.cli.dask_scheduler", *where, "--port", "0", until="Scheduler at") as (scheduler, line):
-        address = re.search(r"tcp://\S+", line)[0]
+        stated = re.search(r"tcp://\S+", line)
+        assert stated is not None, line
+        address = stated[0]
         words = ("distributed.cli.dask_worker", address, *where, "--nthreads", "1", "--nworkers", "1")
         with process(*words, until="Registered to") as (nanny, _line):
             yield address, scheduler, nanny
