@@ -280,6 +280,22 @@ class Mechanism(ABC):
         better one."""
         return self.certified_bounds(at, travel, slack_m)
 
+    def sharp_bounds_many(
+        self,
+        joints: Sequence[Array],
+        pose: Sequence[Array],
+        legs: Legs[Array],
+        gaps: Sequence[Array],
+        travel: Sequence[Array],
+        slack_m: float = 0.0,
+    ) -> CertifiedColumns | None:
+        """`sharp_bounds` of many solved postures at once, in columns (N,), up to rounding.
+
+        joints, pose: of the postures. legs, gaps, travel: as for `certified_bounds_many`. Returns None where the
+        mechanism has no such form; 0 or NaN in the rows of which nothing can be said.
+        """
+        return None
+
     @abstractmethod
     def clearance(self, at: Posture) -> float:
         """Distance, m, that the platform can move in any direction without meeting a singularity: a lower bound."""

@@ -14,7 +14,8 @@ from typing import ClassVar
 import numpy as np
 
 from irsbot_kinematics.bounds.boxes import least_singular
-from irsbot_kinematics.mechanism import Floats, Posture, Signs
+from irsbot_kinematics.mechanism import Floats, Legs, Posture, Signs
+from irsbot_kinematics.mechanisms.irsbot2_space import constraint_columns
 from irsbot_kinematics.mechanisms.irsbot2_space.geometry import Irsbot2Geometry
 from irsbot_kinematics.mechanisms.irsbot2_space.singular_postures import reachability, singular_postures
 from irsbot_kinematics.mechanisms.planar_loop import Loop
@@ -122,6 +123,12 @@ class Irsbot2(PlanarPair):
         sigma_y = s * sqrt(2.0 * square)
         sigma_xz = least_singular(base, ways, sqrt(room + error * error))
         return sigma_y if sigma_y < sigma_xz else sigma_xz
+
+    def constraint_over_many(
+        self, legs: Legs[Array], turns: tuple[tuple[Array, Array], tuple[Array, Array]], error: Array
+    ) -> Array:
+        """The equations of `constraint_over`."""
+        return constraint_columns.constraint_over(self._numbers, legs.screws, turns, error)
 
     def skeleton(self) -> Skeleton:
         """The elbows stay level, which takes the proximal parallelograms; the first rod of leg I carries the platform.

@@ -28,6 +28,7 @@ from irsbot_kinematics.mechanism import (
     Status,
     sign_of,
 )
+from irsbot_kinematics.mechanisms import planar_columns
 from irsbot_kinematics.mechanisms.planar_loop import Arc, Loop, coincident_arcs, loci
 from irsbot_kinematics.numerics.arithmetic import FLOATS, Arithmetic, Array, N
 from irsbot_kinematics.numerics.tolerances import COINCIDENT_TOL_M, FARTHEST
@@ -243,27 +244,37 @@ class PlanarPair(Mechanism):
         """The equations of `certified_bounds`, of an exact geometry."""
         if slack_m:
             return None
-        _b0, _e, l1, l2 = self.loop
-        path, full = l1 * (travel[0] + travel[1]), 2.0 * l2
-        low, high = gaps[1] - path, gaps[1] + path
-        proved = (low > 0.0) & (high < full) & (travel[0] >= 0.0) & (travel[1] >= 0.0)
-        low, high = np.where(proved, low, 0.0), np.where(proved, high, 0.0)
-        low, high = low * np.sqrt((full - low) * (full + low)), high * np.sqrt((full - high) * (full + high))
-        type2 = np.minimum(low, high) / (full * l2)
-        apart = np.divide(path, type2, out=np.full_like(path, inf), where=type2 > 0.0)
-        middle, span = self._squares
-        type1 = []
-        for r, sine in zip(legs.parts[-2:], legs.normalised_levers, strict=True):
-            near, far = r - apart, r + apart
-            worst = np.maximum(middle - near * near, far * far - middle)
-            inside = (near > 0.0) & (worst < span)
-            worst = np.where(inside, worst, span)
-            type1.append(np.minimum(np.sqrt((span - worst) * (span + worst)) / span, np.abs(sine)))
-        constraint = self.constraint_bound_many(legs.parts[:-2], (2.0 * apart + path) / l2)
-        return CertifiedColumns(tuple(type1), type2, constraint, ())
+        type1, type2, turn = planar_columns.first_order(self.loop, legs, gaps, travel)
+        return CertifiedColumns(type1, type2, self.constraint_bound_many(legs.parts[:-2], turn), ())
+
+    def sharp_bounds_many(
+        self,
+        joints: Sequence[Array],
+        pose: Sequence[Array],
+        legs: Legs[Array],
+        gaps: Sequence[Array],
+        travel: Sequence[Array],
+        slack_m: float = 0.0,
+    ) -> CertifiedColumns | None:
+        """The equations of `sharp_bounds`, of an exact geometry."""
+        if slack_m:
+            return None
+        proved, type1, type2, turns, error = planar_columns.second_order(self.loop, joints, pose, legs, gaps, travel)
+        constraint = self.constraint_over_many(legs, turns, error)
+        one, other, type2 = (np.where(proved, bound, 0.0) for bound in (*type1, type2))
+        return CertifiedColumns(
+            (one, other), type2, None if constraint is None else np.where(proved, constraint, 0.0), ()
+        )
 
     def constraint_bound_many(self, parts: Sequence[Array], turn_rad: Array) -> Array | None:
         """`constraint_bound` of many postures; None if there is no constraint margin."""
+        return None
+
+    def constraint_over_many(
+        self, legs: Legs[Array], turns: tuple[tuple[Array, Array], tuple[Array, Array]], error: Array
+    ) -> Array | None:
+        """`constraint_over` of many postures, with `error` as the rest of both rods; None if there is no constraint
+        margin."""
         return None
 
     def _bounds_of_inexact(self, at: Posture, travel: Sequence[float], slack_m: float) -> CertifiedBounds:

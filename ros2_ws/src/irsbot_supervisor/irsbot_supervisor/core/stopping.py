@@ -65,8 +65,8 @@ class StoppingPredictor:
         self._box = ReachableBox(settings)
         cuts = PATIENT_CUTS if patient else cuts_of(mechanism)
         self._usual, self._cuts = ((release_of(settings), cuts // 2), (limits_of(settings, "stop"), cuts)), cuts
-        self._known: Known | None = None
-        self._in_vain: Known | None = None  # a wider box whose proof failed
+        self.known: Known | None = None  # the last box
+        self.in_vain: Known | None = None  # a wider box whose proof failed
 
     def predict(
         self,
@@ -97,13 +97,19 @@ class StoppingPredictor:
         return self._sampled(at, low, high)
 
     def _sampled(self, at: Posture, low: Floats, high: Floats) -> Margins:
-        """Bounds over a box that moves a little with every sample. Proved bounds are reused for the boxes inside; a
-        failed proof is repeated, unless the box differs only by flicker."""
-        if (known := self._known) is not None and known.serves(low, high):
-            return known.certified
+        """Bounds over a box that moves a little with every sample: those of the last box are reused for boxes
+        inside."""
+        known = self.known
+        if known is None or not known.serves(low, high):
+            known = self.renew(at, low, high)
+        return known.certified
+
+    def renew(self, at: Posture, low: Floats, high: Floats) -> Known:
+        """Bound a reachable box that the last one does not serve, and keep its bounds for the next samples. A failed
+        proof over the wider box is repeated, unless the box differs only by flicker."""
         warn, cuts = self._usual[0][0], self._cuts
         ends = _wider(low, high, WIDER)
-        wide = None if self._in_vain is not None and self._in_vain.serves(low, high) else self._bounds.search(at, *ends)
+        wide = None if self.in_vain is not None and self.in_vain.serves(low, high) else self._bounds.search(at, *ends)
         if wide is not None and wide.proves(warn, 0):
             return self._keep(ends, wide.certified, _shares(low, high, SMALLER))
         here = _wider(low, high, SAME)
@@ -113,13 +119,13 @@ class StoppingPredictor:
         if goal is not None and wide is not None:
             if wide.proves(goal, cuts - search.cuts):
                 return self._keep(ends, wide.certified, _shares(low, high, share))
-            self._in_vain = Known(*ends, wide.certified, _shares(low, high, HARDLY_SMALLER))
+            self.in_vain = Known(*ends, wide.certified, _shares(low, high, HARDLY_SMALLER))
         return self._keep(here, search.certified, _shares(low, high, share))
 
-    def _keep(self, ends: tuple[Floats, Floats], certified: Margins, least: Floats) -> Margins:
+    def _keep(self, ends: tuple[Floats, Floats], certified: Margins, least: Floats) -> Known:
         """Keep the bounds for the next samples."""
-        self._known = Known(*ends, certified, least)
-        return certified
+        self.known = known = Known(*ends, certified, least)
+        return known
 
     def along(self, at: Posture, rates: Floats, prediction_delay_s: float, wanted: Margins) -> Margins:
         """Certified smallest margins until standstill if every joint keeps its rate (rad/s or m/s) for

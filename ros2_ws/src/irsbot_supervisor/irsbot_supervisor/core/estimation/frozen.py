@@ -24,7 +24,7 @@ RESTED_S = 1.0
 than the filter of the velocities) or not. An operator has to look."""
 
 
-class _Still(NamedTuple):
+class Still(NamedTuple):
     """A joint whose position stands while the message reports motion."""
 
     where: float  # rad or m
@@ -45,7 +45,7 @@ class Frozen:
 
     def __init__(self, settings: Settings, joints: tuple[Coordinate, ...]) -> None:
         self._turns = tuple(joint.turn for joint in joints)
-        self._still: dict[int, _Still] = {}
+        self.still: dict[int, Still] = {}  # by number of the joint
         self.configure(settings)
 
     def configure(self, settings: Settings) -> None:
@@ -58,17 +58,17 @@ class Frozen:
 
     def restart(self) -> None:
         """Forget all earlier samples."""
-        self._still = {}
+        self.still = {}
 
     def look(self, sample: Accepted, moved: Floats, dt: float) -> Suspicion:
         """Doubts about a sample whose positions changed by `moved` (rad or m) in `dt` s since the last one."""
         stated = sample.velocity
-        if not stated or (not self._still and all(abs(step) > self._step for step in moved)):
+        if not stated or (not self.still and all(abs(step) > self._step for step in moved)):
             return Suspicion()
         lost, fault, speeds = "", "", [0.0] * len(moved)
         for k, (step, rate, fastest) in enumerate(zip(moved, stated, self._fastest, strict=True)):
-            now, still = sample.position[k], self._still.pop(k, None)
-            before = still or _Still(now - step, sample.seen_ns, 0.0)
+            now, still = sample.position[k], self.still.pop(k, None)
+            before = still or Still(now - step, sample.seen_ns, 0.0)
             if (
                 abs(remainder(now - before.where, self._turns[k])) > self._step
             ):  # more than a flickering digit: it moves
@@ -79,7 +79,7 @@ class Frozen:
                 if sample.seen_ns - since_ns > RESTED_S * NS_PER_S:
                     lost = f"joint '{self._names[k]}' may have moved while its position was frozen"
                     continue
-                self._still[k] = before._replace(since_ns=since_ns)
+                self.still[k] = before._replace(since_ns=since_ns)
                 fault = fault or self._frozen(k)
                 continue
             way, most = before.way, self._most[k]
@@ -87,12 +87,12 @@ class Frozen:
                 way = way + rate * dt if moves and rate * way >= 0.0 else 0.0
             if way == 0.0:
                 continue
-            self._still[k] = before._replace(way=way)
+            self.still[k] = before._replace(way=way)
             speeds[k] = rate if moves else 0.0
             still_ns = sample.seen_ns - before.since_ns
             long_way = abs(way) > most and still_ns > FROZEN_S * NS_PER_S
             if long_way or (abs(way) > 2.0 * self._step and moves and still_ns > self._stale_ns):
-                self._still[k] = _Still(before.where, sample.seen_ns, inf)
+                self.still[k] = Still(before.where, sample.seen_ns, inf)
                 fault = fault or self._frozen(k)
         return Suspicion(fault, lost, tuple(speeds) if any(speeds) else ())
 

@@ -15,14 +15,15 @@ import numpy as np
 
 from irsbot_msgs_py.records import Level
 from irsbot_msgs_py.stamps import NS_PER_S
-from irsbot_supervisor.bag.joint_columns import JointColumns, Values
+from irsbot_supervisor.bag.joint_columns import JointColumns, Times, Values
 from irsbot_supervisor.core.estimation.estimate import Estimate, Speeds
 from irsbot_supervisor.core.estimation.estimator import Estimator
 from irsbot_supervisor.core.margins import margins_of
 from irsbot_supervisor.core.report import Moment
 from irsbot_supervisor.core.supervisor import FOREVER, Supervisor
 from irsbot_supervisor.core.validation import Accepted
-from irsbot_supervisor.replay.quiet.motion import History, Longest, Mask, Motion
+from irsbot_supervisor.replay.quiet.motion import History, Longest, Motion
+from irsbot_supervisor.replay.quiet.suspicion import Mask
 
 
 def is_quiet(supervisor: Supervisor) -> bool:
@@ -39,7 +40,6 @@ def is_quiet(supervisor: Supervisor) -> bool:
         and not supervisor._assessor._lost
         and supervisor._assessor._before is None
         and estimator._jumps._astray is None
-        and not estimator._frozen._still
         and not estimator._leads.any
     )
 
@@ -47,7 +47,7 @@ def is_quiet(supervisor: Supervisor) -> bool:
 def history(supervisor: Supervisor, names: tuple[str, ...]) -> History | None:
     """What the supervisor remembers of the last samples; None if a stretch cannot begin. names: of the messages that
     follow."""
-    if not is_quiet(supervisor):
+    if not is_quiet(supervisor) or supervisor._estimator._frozen.still:
         return None
     estimator, intake, last = supervisor._estimator, supervisor._intake, supervisor._good
     assert last is not None
@@ -61,12 +61,12 @@ def history(supervisor: Supervisor, names: tuple[str, ...]) -> History | None:
     longer, shorter = (rows, told) if len(rows) == count else (told, rows)
     if longer[count - len(shorter) :] != shorter or not all(len(one.velocity) for one in reported):
         return None
-    velocity = np.full((count, len(last.position)), nan)
-    velocity[count - len(reported) :] = [one.velocity for one in reported]
+    velocity = np.full((len(last.position), count), nan)
+    velocity[:, count - len(reported) :] = np.array([one.velocity for one in reported]).T
     intervals = estimator._intervals
     return History(
         np.array([stamp for stamp, _ in longer], np.int64),
-        np.array([position for _, position in longer]),
+        np.array([position for _, position in longer]).T,
         velocity,
         count - len(observed),
         count - len(reported),
@@ -91,7 +91,8 @@ def agrees(supervisor: Supervisor, motion: Motion, row: int) -> bool:
         and len(observed) == at - motion.observed[row] + 1
         and len(reported) == at - motion.reported[row] + 1
         and tuple(map(list, estimator._observer._speeds))
-        == (motion.forward[row].tolist(), motion.backward[row].tolist())
+        == (motion.forward[:, row].tolist(), motion.backward[:, row].tolist())
+        and estimator._frozen.still == motion.suspicions.memory.get(row, {})
         and estimator._intervals._sent_s == motion.sent_s[row]
         and longest._since_ns == motion.since_ns[row]
         and [*longest._now, *longest._before] == motion.longest[row].tolist()
@@ -101,7 +102,8 @@ def agrees(supervisor: Supervisor, motion: Motion, row: int) -> bool:
 def hand_over(supervisor: Supervisor, block: JointColumns, motion: Motion, begin: int, end: int) -> None:
     """Let the supervisor remember the samples begin..end - 1 of a block as if it had judged them, without findings."""
     estimator, intake, row = supervisor._estimator, supervisor._intake, end - 1
-    _stand(estimator, block[begin:end])
+    sure = np.delete(np.arange(begin, end), [row - begin for row in motion.suspicions.rates if begin <= row < end])
+    _stand(estimator, block.seen_ns[sure], block.position[sure], block.velocity[sure])
     if end - begin > 1:
         estimator._before = _estimate(estimator, block, motion, row - 1)
     else:
@@ -110,14 +112,17 @@ def hand_over(supervisor: Supervisor, block: JointColumns, motion: Motion, begin
     at = row + len(motion.stamps) - len(motion.regular)
     stamps, positions = motion.stamps, motion.positions
     kept = range(int(motion.observed[row]), at + 1)
-    estimator._observer._kept = deque((int(stamps[k]), tuple(positions[k].tolist())) for k in kept)
-    estimator._observer._speeds = last.speeds
+    estimator._observer._kept = deque((int(stamps[k]), tuple(positions[:, k].tolist())) for k in kept)
+    estimator._observer._speeds = Speeds(
+        tuple(motion.forward[:, row].tolist()), tuple(motion.backward[:, row].tolist())
+    )
+    estimator._frozen.still = dict(motion.suspicions.memory.get(row, {}))
     reported: deque[Accepted] = deque()
     for k in range(int(motion.reported[row]), at + 1):
         place = k - at + row
         received_ns, seen_ns = (int(block.received_ns[place]), int(block.seen_ns[place])) if place >= 0 else (0, 0)
         effort = tuple(block.effort[place].tolist()) if place >= 0 else ()
-        position, velocity = tuple(positions[k].tolist()), tuple(motion.velocities[k].tolist())
+        position, velocity = tuple(positions[:, k].tolist()), tuple(motion.velocities[:, k].tolist())
         reported.append(Accepted(int(stamps[k]), received_ns, seen_ns, position, velocity, effort))
     estimator._reported._kept = reported
     intervals = estimator._intervals
@@ -145,37 +150,37 @@ def _estimate(estimator: Estimator, block: JointColumns, motion: Motion, row: in
         position=tuple(block.position[row].tolist()),
         velocity=tuple(block.velocity[row].tolist()),
         effort=tuple(block.effort[row].tolist()),
-        speeds=Speeds(tuple(motion.forward[row].tolist()), tuple(motion.backward[row].tolist())),
+        speeds=Speeds(*(tuple(bounds[:, row].tolist()) for bounds in motion.speeds)),
         prediction_delay_s=float(motion.delay_s[row]),
         expected_s=float(motion.expected_s[row]),
         steady_s=(seen_ns - learned_ns) / NS_PER_S if learned_ns is not None else inf,
-        standing_s=(seen_ns - estimator._stood_ns) / NS_PER_S,
+        standing_s=0.0 if row in motion.suspicions.rates else (seen_ns - estimator._stood_ns) / NS_PER_S,
     )
 
 
-def _stand(estimator: Estimator, block: JointColumns) -> None:
+def _stand(estimator: Estimator, seen_ns: Times, positions: Values, velocities: Values) -> None:
     """Follow since when the joints stand, as `Estimator._standing_s` does sample by sample."""
-    moving = np.flatnonzero((np.abs(block.velocity) > estimator._slow).any(1))
+    moving = np.flatnonzero((np.abs(velocities) > estimator._slow).any(1))
     at = 0
     if len(moving):
         at = int(moving[-1]) + 1
-        _rest_at(estimator, block, at - 1, moves=True)
-    while at < len(block):
-        rest = np.array(estimator._rest) if estimator._rest else np.full(block.position.shape[1], nan)
-        last = int(np.searchsorted(block.seen_ns, estimator._rest_ns + round(estimator._stale_s * NS_PER_S), "right"))
+        _rest_at(estimator, seen_ns, positions, at - 1, moves=True)
+    while at < len(seen_ns):
+        rest = np.array(estimator._rest) if estimator._rest else np.full(positions.shape[1], nan)
+        last = int(np.searchsorted(seen_ns, estimator._rest_ns + round(estimator._stale_s * NS_PER_S), "right"))
         rows = slice(at, max(last, at) + 1)  # and the first one after the time for which the position is remembered
-        since = (block.seen_ns[rows] - estimator._rest_ns) / NS_PER_S
+        since = (seen_ns[rows] - estimator._rest_ns) / NS_PER_S
         since = since[: int((since <= estimator._stale_s).argmin()) + 1] if since[-1] > estimator._stale_s else since
         rows = slice(at, at + len(since))
         most = (estimator._slow * since + estimator._step)[:, None]
-        stands = _within(block.position[rows], rest, most)
+        stands = _within(positions[rows], rest, most)
         if stands.all():
             at += len(stands)
             if since[-1] > estimator._stale_s:
-                _rest_at(estimator, block, at - 1, moves=False)
+                _rest_at(estimator, seen_ns, positions, at - 1, moves=False)
         else:
             at += int(stands.argmin()) + 1
-            _rest_at(estimator, block, at - 1, moves=True)
+            _rest_at(estimator, seen_ns, positions, at - 1, moves=True)
 
 
 def _within(positions: Values, rest: Values, most: Values) -> Mask:
@@ -183,7 +188,7 @@ def _within(positions: Values, rest: Values, most: Values) -> Mask:
     return np.asarray(((-most <= moved) & (moved <= most)).all(1))
 
 
-def _rest_at(estimator: Estimator, block: JointColumns, row: int, moves: bool) -> None:
-    estimator._rest, estimator._rest_ns = tuple(block.position[row].tolist()), int(block.seen_ns[row])
+def _rest_at(estimator: Estimator, seen_ns: Times, positions: Values, row: int, moves: bool) -> None:
+    estimator._rest, estimator._rest_ns = tuple(positions[row].tolist()), int(seen_ns[row])
     if moves:
         estimator._stood_ns = estimator._rest_ns

@@ -3,10 +3,13 @@
 Only sums, products, quotients and comparisons of the same numbers in the same order occur, which numpy rounds as Python
 does: speeds, delays and boxes are those of the estimator, bit for bit. `Motion.regular` says for which samples the
 assumptions hold; the others, and what follows them, are the estimator's.
+
+Arrays hold one joint after the other, (n, N): numbers of one joint for many samples are what numpy is fast with.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import floor, sqrt
 from typing import Any, NamedTuple
@@ -22,15 +25,16 @@ from irsbot_supervisor.core.estimation.observer import stamped_errors
 from irsbot_supervisor.core.estimation.sample_interval import JUDGING_S, SETTLING
 from irsbot_supervisor.core.reachable_box import position_error
 from irsbot_supervisor.core.settings import OVERSPEED, Settings
+from irsbot_supervisor.replay.quiet.suspicion import Mask, Suspicions, suspicions
 
-Mask = NDArray[np.bool_]
 Rows = NDArray[np.intp]
 
 NEAR = 3.0
 """rad: smaller differences of angles are their own remainder."""
 
 SURELY_MOVED = 1.0 + 1e-9
-"""1: a joint that moved by this multiple of the least step has moved, however the difference is rounded."""
+"""1: a joint that moved by this multiple of the least step has moved, however the difference is rounded: nothing is
+suspected of it."""
 
 FARTHEST_ROW = 100.0
 """rad or m: positions beyond are left to the supervisor: there sines lose digits."""
@@ -48,8 +52,8 @@ class History(NamedTuple):
     """The estimator's memory before a stretch: its last samples, oldest first."""
 
     stamp_ns: Times  # (P,)
-    position: Values  # (P, n)
-    velocity: Values  # (P, n)
+    position: Values  # (n, P)
+    velocity: Values  # (n, P)
     observed: int  # of these rows the first that the observer keeps
     reported: int  # and that the comparison with reported velocities keeps
     received_ns: int  # of the last row
@@ -67,18 +71,20 @@ class Motion:
 
     regular: Mask  # (N,) True where the estimator finds nothing
     stamps: Times  # (P + N,)
-    positions: Values
+    positions: Values  # (n, P + N)
     velocities: Values
     observed: Rows  # (N,) first row that is kept after the sample
     reported: Rows
-    forward: Values  # (N, n) rad/s or m/s
+    forward: Values  # (n, N) rad/s or m/s, bounds of the observer
     backward: Values
+    speeds: tuple[Values, Values]  # of the estimates: at least what is reported of joints that may be frozen
+    suspicions: Suspicions
     sent_s: Values  # (N,)
     since_ns: Times  # (N,) state of `SecondLargest`
     longest: Values  # (N, 4)
     expected_s: Values  # (N,)
     delay_s: Values
-    low: Values  # (N, n) rad or m: reachable box
+    low: Values  # (n, N) rad or m: reachable box
     high: Values
     half: Values
 
@@ -87,33 +93,32 @@ class MotionColumns:
     """Applies the settings of one robot."""
 
     def __init__(self, settings: Settings, joints: tuple[Coordinate, ...]) -> None:
-        self._settings = settings
-        self._angles = np.array([joint.is_angle for joint in joints])
-        self._turn = np.array([joint.turn for joint in joints])
-        self._fastest, self._gain = np.array(settings.velocity_limit), np.array(settings.acceleration_limit)
-        self._brake = np.array(settings.deceleration_limit)
+        self._settings, self._joints = settings, joints
+        self._angles = np.array([[joint.is_angle] for joint in joints])
+        turns = _each([joint.turn for joint in joints])
+        self._fastest, self._gain = _each(settings.velocity_limit), _each(settings.acceleration_limit)
+        self._brake = _each(settings.deceleration_limit)
         errors = stamped_errors(settings)
-        self._errors = np.array([2.0 * error for error in errors])
+        self._errors = _each([2.0 * error for error in errors])
         pairs = list(zip(errors, settings.acceleration_limit, strict=True))
         self._window_ns = round(max(sqrt(4.0 * e / a) for e, a in pairs) * NS_PER_S)
         self._reported_ns = max(round((4.0 * e / a) ** 0.5 * NS_PER_S) for e, a in pairs)
-        self._told_s = float(((0.5 * self._turn - self._errors) / self._fastest).min())
+        self._told_s = float(((0.5 * turns - self._errors) / self._fastest).min())
         half = position_error(settings)
-        self._box_errors = np.array([half + settings.stamp_jitter_s * v for v in settings.velocity_limit])
-        self._jump = np.array(
+        self._box_errors = _each([half + settings.stamp_jitter_s * v for v in settings.velocity_limit])
+        self._jump = _each(
             [settings.encoder_resolution + 2.0 * settings.stamp_jitter_s * v for v in settings.velocity_limit]
         )
-        lower, upper = settings.position_lower, settings.position_upper
-        self._lower, self._upper = np.array(lower), np.array(upper)
+        self._lower, self._upper = _each(settings.position_lower), _each(settings.position_upper)
 
     def over(self, block: JointColumns, history: History) -> Motion:
         """Estimates of samples that follow the history. block: positions and velocities in the order of the robot."""
         settings, before = self._settings, len(history.stamp_ns)
         stamps = np.concatenate([history.stamp_ns, block.stamp_ns])
-        positions = np.concatenate([history.position, block.position])
-        velocities = np.concatenate([history.velocity, block.velocity])
-        row = before + np.arange(len(block))
-        stamp_steps = block.stamp_ns - stamps[row - 1]
+        positions = np.concatenate([history.position, block.position.T], axis=1)
+        velocities = np.concatenate([history.velocity, block.velocity.T], axis=1)
+        row, position, speed = before + np.arange(len(block)), positions[:, before:], np.abs(velocities[:, before:])
+        stamp_steps = block.stamp_ns - stamps[before - 1 : -1]
         seen_steps = np.diff(block.seen_ns, prepend=history.seen_ns)
         received_steps = np.diff(block.received_ns, prepend=history.received_ns)
         age = block.received_ns - block.stamp_ns
@@ -123,14 +128,15 @@ class MotionColumns:
         regular &= seen_steps <= round(settings.stale_s * NS_PER_S)
         clock_step = received_steps - seen_steps
         regular &= ~((clock_step > STEP_S * NS_PER_S) & (clock_step < stamp_steps))
-        regular &= (np.abs(block.position) <= FARTHEST_ROW).all(1)
-        moved = block.position - positions[row - 1]
-        span = np.maximum(passed, stamped)[:, None]
-        regular &= (np.abs(moved) <= OVERSPEED * self._fastest * span + self._jump).all(1)
-        speed = np.abs(block.velocity)
-        regular &= (speed <= self._fastest).all(1)
+        regular &= (np.abs(position) <= FARTHEST_ROW).all(0)
+        moved = position - positions[:, before - 1 : -1]
+        span = np.maximum(passed, stamped)
+        regular &= (np.abs(moved) <= OVERSPEED * self._fastest * span + self._jump).all(0)
+        regular &= (speed <= self._fastest).all(0)
         still = np.abs(moved) <= 2.0 * settings.encoder_resolution * SURELY_MOVED
-        regular &= ~(still & (speed > settings.standstill_speed)).any(1)
+        slow = (still & (speed > settings.standstill_speed)).any(0)
+        suspected = suspicions(settings, self._joints, block, moved, stamped, slow)
+        regular[suspected.faults] = False
         if history.learned_ns is not None:
             regular &= (block.seen_ns - history.learned_ns) / NS_PER_S >= SETTLING * settings.stale_s
 
@@ -140,10 +146,11 @@ class MotionColumns:
         self._compare(stamps, positions, velocities, row, reported, forward, backward, regular)
         expected, since, longest = self._expected(block.seen_ns, passed, stamped, history)
         delay = expected + age / NS_PER_S
-        ahead = self._until_rest(forward, delay + settings.latency_s) + self._box_errors
-        back = self._until_rest(backward, delay + settings.latency_s) + self._box_errors
-        low, high = block.position - back, block.position + ahead
-        regular &= ((self._lower <= low) & (high <= self._upper)).all(1)
+        up, down = speeds = _raised(forward, backward, suspected)
+        ahead = self._until_rest(up, delay + settings.latency_s) + self._box_errors
+        back = self._until_rest(down, delay + settings.latency_s) + self._box_errors
+        low, high = position - back, position + ahead
+        regular &= ((self._lower <= low) & (high <= self._upper)).all(0)
         return Motion(
             regular=regular,
             stamps=stamps,
@@ -153,6 +160,8 @@ class MotionColumns:
             reported=reported,
             forward=forward,
             backward=backward,
+            speeds=speeds,
+            suspicions=suspected,
             sent_s=stamped,
             since_ns=since,
             longest=longest,
@@ -169,29 +178,31 @@ class MotionColumns:
         """Bounds of the observer; `regular` becomes False where it starts anew."""
         first = np.concatenate([[history.observed], observed[:-1]])  # kept after the sample before
         count, back = row - first, np.ones_like(row)
-        forward = np.broadcast_to(self._fastest, (len(row), len(self._fastest))).copy()
+        position, stamp = positions[:, row[0] :], stamps[row[0] :]
+        forward = np.broadcast_to(self._fastest, position.shape).copy()
         backward = forward.copy()
         least: tuple[Values, Values] | None = None
         asked = np.ones(len(row), bool)
         while asked.any():
             then = row - back
-            span = ((stamps[row] - stamps[then]) / NS_PER_S)[:, None]
-            asked &= span[:, 0] <= self._told_s
-            way = positions[row] - positions[then]
-            regular &= ~(asked & (self._angles & ~(np.abs(way) < NEAR)).any(1))
+            age = stamp - stamps.take(then)
+            span = age / NS_PER_S
+            asked &= span <= self._told_s
+            way = position - positions.take(then, axis=1)
+            regular &= ~(asked & (self._angles & ~(np.abs(way) < NEAR)).any(0))
             mean, gained = way / span, self._gain * span
             rest = self._errors / span + 0.5 * gained
             up, down = mean + rest, rest - mean
             least = least or (up, down)
-            forward = np.where(asked[:, None], np.minimum(forward, np.maximum(up, gained)), forward)
-            backward = np.where(asked[:, None], np.minimum(backward, np.maximum(down, gained)), backward)
-            asked &= ~((back == count) | (stamps[row] - stamps[then] >= self._window_ns))
+            np.minimum(forward, np.maximum(up, gained), out=forward, where=asked)
+            np.minimum(backward, np.maximum(down, gained), out=backward, where=asked)
+            asked &= ~((back == count) | (age >= self._window_ns))
             back = np.minimum(2 * back, count)
-        gains = self._gain * ((stamps[row] - stamps[row - 1]) / NS_PER_S)[:, None]
+        gains = self._gain * ((stamp - stamps[row[0] - 1 : -1]) / NS_PER_S)
         forward, before = _growing(forward, gains, history.forward)
         backward, earlier = _growing(backward, gains, history.backward)
         assert least is not None
-        regular &= ((-least[1] <= before) & (-least[0] <= earlier)).all(1)
+        regular &= ((-least[1] <= before) & (-least[0] <= earlier)).all(0)
         return forward, backward
 
     def _compare(
@@ -206,15 +217,15 @@ class MotionColumns:
         regular: Mask,
     ) -> None:
         """`regular` becomes False where reported velocities contradict the positions."""
-        settings, rate = self._settings, velocities[row]
+        settings, rate = self._settings, velocities[:, row[0] :]
         tolerance = settings.standstill_speed
-        span = ((stamps[row] - stamps[reported]) / NS_PER_S)[:, None]
-        way, begin = positions[row] - positions[reported], velocities[reported]
+        span = (stamps[row[0] :] - stamps.take(reported)) / NS_PER_S
+        way, begin = positions[:, row[0] :] - positions.take(reported, axis=1), velocities.take(reported, axis=1)
         mean, least = way / span, self._errors / span + 0.5 * self._gain * span + tolerance
         right = (-backward - tolerance <= rate) & (rate <= forward + tolerance)
         right &= (mean - least <= np.maximum(begin, 0.0)) & (-mean - least <= np.maximum(-begin, 0.0))
         right &= ~self._angles | (np.abs(way) < NEAR)
-        regular &= right.all(1)
+        regular &= right.all(0)
 
     def _expected(self, seen: Times, passed: Values, stamped: Values, history: History) -> tuple[Values, Times, Values]:
         """Time until the next sample is judged, and the memory of long intervals."""
@@ -225,7 +236,7 @@ class MotionColumns:
         return most + np.maximum(settings.judging_s, np.minimum(most, JUDGING_S)), since, longest
 
     def _until_rest(self, speed: Values, free_s: Values) -> Values:
-        free, gain, fastest = free_s[:, None], self._gain, self._fastest
+        free, gain, fastest = free_s, self._gain, self._fastest
         faster = (fastest - speed) / gain
         short = faster >= free
         way = np.where(
@@ -240,6 +251,22 @@ class MotionColumns:
         return rest
 
 
+def _each(values: Sequence[float]) -> Values:
+    """Numbers of the joints as a column."""
+    return np.array(values)[:, np.newaxis]
+
+
+def _raised(forward: Values, backward: Values, suspected: Suspicions) -> tuple[Values, Values]:
+    """Bounds of the speeds where a joint whose position may be frozen may move as the message says."""
+    if not suspected.rates:
+        return forward, backward
+    rows, rates = list(suspected.rates), np.array(list(suspected.rates.values())).T
+    forward, backward = forward.copy(), backward.copy()
+    forward[:, rows] = np.maximum(forward[:, rows], rates)
+    backward[:, rows] = np.maximum(backward[:, rows], -rates)
+    return forward, backward
+
+
 def _kept_from(stamps: Times, row: Rows, window_ns: int, begin: int) -> Rows:
     """First row that is kept after each row: the last one that is at least a window old, but never the row itself."""
     found = np.searchsorted(stamps, stamps[row] - window_ns, side="right") - 1
@@ -251,7 +278,7 @@ def _growing(most: Values, gains: Values, begin: tuple[float, ...]) -> tuple[Val
     as it is lower than theirs: the rows are lowered until none changes."""
     found = most
     while True:
-        before = np.concatenate([np.array([begin]), found[:-1]])
+        before = np.concatenate([_each(begin), found[:, :-1]], axis=1)
         lower = np.minimum(before + gains, most)
         if np.array_equal(lower, found, equal_nan=True):
             return found, before

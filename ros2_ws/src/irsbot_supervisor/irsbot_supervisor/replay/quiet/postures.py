@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from irsbot_kinematics import Mechanism, statics
-from irsbot_kinematics.mechanism import Legs
+from irsbot_kinematics.mechanism import CertifiedColumns, Legs
 from irsbot_kinematics.numerics.arithmetic import ARRAYS, Array
 from irsbot_kinematics.numerics.tolerances import CLOSURE_TOL_M, SIGN_DEAD_BAND
 from irsbot_supervisor.bag.joint_columns import Values
@@ -51,17 +51,14 @@ def postures(
     working, assembly = modes
     with np.errstate(all="ignore"):
         q = tuple(np.ascontiguousarray(column) for column in joints.T)
-        pose, found = mechanism.direct(ARRAYS, q, assembly)
-        legs = mechanism.legs(ARRAYS, q, pose)
+        pose, legs, found, clear = assembled(mechanism, q, assembly)
         _, cosines = statics.pressure_cosines(ARRAYS, legs.screws, legs.attachments)
         clearances = np.stack(found, axis=1)
         before = np.concatenate([[gaps or clearances[0]], clearances[:-1]])
-        clear = (clearances - 0.5 * np.abs(clearances - before) > contact_m + GUARD).all(1)
+        clear &= (clearances - 0.5 * np.abs(clearances - before) > contact_m + GUARD).all(1)
         clear &= (clearances > contact_m + GUARD).all(1)
         for sign, sine in zip(working, legs.normalised_levers, strict=True):
             clear &= sign * sine > SIGN_DEAD_BAND + GUARD
-        for error in legs.closure:
-            clear &= np.abs(error) <= 0.5 * CLOSURE_TOL_M
         margins: Values = np.full((len(joints), 4), np.inf)
         margins[:, 0] = np.min([np.abs(sine) for sine in legs.normalised_levers], axis=0)
         margins[:, 1] = np.min(cosines, axis=0)
@@ -70,3 +67,28 @@ def postures(
         if legs.limb:
             margins[:, 3] = np.min(legs.limb, axis=0)
     return PostureColumns(clear, clearances.astype(float), np.stack(pose, axis=1).astype(float), margins, legs, cosines)
+
+
+def assembled(
+    mechanism: Mechanism, joints: tuple[Array, ...], assembly: int
+) -> tuple[tuple[Array, ...], Legs[Array], tuple[Array, Array], NDArray[np.bool_]]:
+    """Pose, legs and assembly clearances at joints, (N,) each, and where they are surely those of a solved posture."""
+    pose, gaps = mechanism.direct(ARRAYS, joints, assembly)
+    legs = mechanism.legs(ARRAYS, joints, pose)
+    solved = (gaps[0] > GUARD) & (gaps[1] > GUARD)
+    for error in legs.closure:
+        solved &= np.abs(error) <= 0.5 * CLOSURE_TOL_M
+    return pose, legs, gaps, solved
+
+
+def four_margins(bounds: CertifiedColumns | None, count: int) -> Values:
+    """(N, 4) bounds in the order of `Margins`; NaN if the mechanism has no form for many."""
+    found = np.full((count, 4), np.inf)
+    if bounds is None:
+        return np.full_like(found, np.nan)
+    found[:, 0], found[:, 1] = np.min(bounds.type1, axis=0), bounds.type2
+    if bounds.constraint is not None:
+        found[:, 2] = bounds.constraint
+    if bounds.limb:
+        found[:, 3] = np.min(bounds.limb, axis=0)
+    return found

@@ -5,8 +5,8 @@ A sample is judged as a column if the supervisor surely finds nothing in it, by 
 - `motion`: the estimator finds nothing; its numbers are exact.
 - `postures`: the posture is solved, in the configured modes, away from Type 2, by more than GUARD.
 - the first bound over the reachable box is above the release limits by more than GUARD, so that the supervisor takes
-  it; or it is below them by more than GUARD, and the bounds that the supervisor then uses, its own `_sampled` with its
-  own memory, are at least the warning limits.
+  it; or it is below them by more than GUARD, and the bounds that the supervisor then uses are at least the warning
+  limits: `boxes`.
 
 Everything else is judged by the supervisor, which first takes over the state at the end of the stride.
 """
@@ -15,21 +15,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from operator import ge
 
 import numpy as np
-from numpy.typing import NDArray
 
 from irsbot_kinematics import Mechanism
 from irsbot_msgs_py.records import JointSample
 from irsbot_supervisor.bag.joint_columns import JointColumns, Times, Values
-from irsbot_supervisor.core.margins import Margins
 from irsbot_supervisor.core.settings import UNTRUSTED
-from irsbot_supervisor.core.stopping import limits_of, release_of
+from irsbot_supervisor.core.stopping import release_of
 from irsbot_supervisor.core.supervisor import Supervisor
+from irsbot_supervisor.replay.quiet.boxes import Boxes
 from irsbot_supervisor.replay.quiet.handover import agrees, hand_over, history, is_quiet
-from irsbot_supervisor.replay.quiet.motion import History, Motion, MotionColumns, selected
-from irsbot_supervisor.replay.quiet.postures import GUARD, PostureColumns, postures
+from irsbot_supervisor.replay.quiet.motion import History, MotionColumns, selected
+from irsbot_supervisor.replay.quiet.postures import GUARD, PostureColumns, four_margins, postures
 
 SHIPPED = "irsbot_kinematics.mechanisms."
 """Begin of the names of modules with shipped mechanisms."""
@@ -56,6 +54,7 @@ def suits(supervisor: Supervisor) -> bool:
     # Only of a shipped class is it known that its columns are its postures: a class of yours may change one of them.
     form = type(mechanism).__module__.startswith(SHIPPED)
     form &= type(mechanism).certified_bounds_many is not Mechanism.certified_bounds_many
+    form &= type(mechanism).sharp_bounds_many is not Mechanism.sharp_bounds_many
     plain = min(settings.velocity_tolerance) >= UNTRUSTED and settings.reaction_check == "none"
     return form and plain and settings.slack_m == 0.0 and mechanism.label_is_invariant
 
@@ -78,7 +77,6 @@ class Strides:
         self._motion = MotionColumns(settings, self._mechanism.joints)
         self._names = settings.joint_names
         self._modes = settings.working_mode, settings.assembly_mode
-        self._warn, self._stop = limits_of(settings, "warn"), np.array(limits_of(settings, "stop"))
         self._release = np.array(release_of(settings))
         self._size = LEAST_BLOCK
 
@@ -114,14 +112,19 @@ class Strides:
         with np.errstate(all="ignore"):
             motion = self._motion.over(joints, before)
             found = postures(self._mechanism, joints.position, self._modes, assessor._contact, assessor._gaps)
-            certified = self._bounds(found, motion)
+            bounds = self._mechanism.certified_bounds_many(found.legs, list(found.gaps.T), list(motion.half))
+            certified = four_margins(bounds, len(joints))
             spare = (certified - self._release).min(1)
             quiet = motion.regular & found.clear & (np.abs(spare) > GUARD)
+        wanting = np.flatnonzero(quiet & (spare < 0.0))
+        low, high = (side.take(wanting, axis=1) for side in (motion.low, motion.high))
+        boxes = Boxes(supervisor.settings, self._mechanism, wanting, low, high)
         row, ends = 0, np.append(np.flatnonzero(~quiet), len(quiet))
         while row < len(quiet):
             if quiet[row] and self._may_stride() and is_quiet(supervisor):
                 end = int(ends[np.searchsorted(ends, row)])
-                end = self._proved_until(motion, certified, spare > 0.0, row, end)
+                assert supervisor._at is not None
+                end = boxes.proved_until(supervisor._predictor, supervisor._at, row, end, certified)
                 if end > row:
                     hand_over(supervisor, joints, motion, row, end)
                     rows = slice(row, end)
@@ -133,42 +136,6 @@ class Strides:
             if not agrees(supervisor, motion, row - 1):
                 break
         return row
-
-    def _bounds(self, found: PostureColumns, motion: Motion) -> Values:
-        """(N, 4) first bounds over the reachable boxes; NaN if the mechanism has no form for many."""
-        gaps, travel = list(found.gaps.T), list(motion.half.T)
-        bounds = self._mechanism.certified_bounds_many(found.legs, gaps, travel)
-        certified = np.full((len(travel[0]), 4), np.inf)
-        if bounds is None:
-            return np.full_like(certified, np.nan)
-        certified[:, 0], certified[:, 1] = np.min(bounds.type1, axis=0), bounds.type2
-        if bounds.constraint is not None:
-            certified[:, 2] = bounds.constraint
-        if bounds.limb:
-            certified[:, 3] = np.min(bounds.limb, axis=0)
-        return certified
-
-    def _proved_until(self, motion: Motion, certified: Values, first: NDArray[np.bool_], begin: int, end: int) -> int:
-        """The row before which the supervisor proves the warning limits for all; its memory of boxes is that after
-        these rows, and the bounds of rows for which the first one does not suffice are put in `certified`."""
-        predictor, at = self._supervisor._predictor, self._supervisor._at
-        assert at is not None
-        rows = begin + np.flatnonzero(~first[begin:end])
-        ends = [map(tuple, side[rows].tolist()) for side in (motion.low, motion.high)]
-        boxes = zip(rows.tolist(), *ends, strict=True)
-        served: list[Margins] = []
-        known = predictor._known
-        for row, low, high in boxes:
-            if known is None or not known.serves(low, high):
-                predictor._sampled(at, low, high)
-                known = predictor._known
-            if known is None or not all(map(ge, known.certified, self._warn)):
-                end = row
-                break
-            served.append(known.certified)
-        if served:
-            certified[rows[: len(served)]] = served
-        return end
 
 
 def _ascending(stamps: Times, before: History) -> int:
