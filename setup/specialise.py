@@ -48,8 +48,10 @@ def _through(name: str) -> Any:
 
 
 setattr(Mechanism, "__init_subclass__", classmethod(_follow))
+setattr(Legs, "__class_getitem__", classmethod(lambda cls, given: cls))
 """
-"""Mechanisms that are not compiled and have their own equation also get it for floats."""
+"""Mechanisms that are not compiled and have their own equation also get it for floats. Modules that are not compiled
+read their annotations at run time, and `Legs[N]` is one."""
 
 
 class Generic(NamedTuple):

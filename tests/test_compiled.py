@@ -154,6 +154,12 @@ def test_compiled_modules_give_the_results_of_plain_python():
     assert "0 differ" in out
 
 
+@needs_compiled
+def test_annotations_of_other_modules_can_be_read_where_mechanisms_are_compiled():
+    out = compiled_run(str(ROOT / "docs" / "examples" / "carried_load.py"))
+    assert "pressure angle" in out
+
+
 COPIED = """
 from copy import deepcopy
 
