@@ -26,6 +26,7 @@ ROBOTS: dict[str, tuple[str, ...]] = {
     "branched_platform": SLIDING + CRANKS,
     "crank_platform": CRANKS,
     "delta_family": DELTAS,
+    "planar_columns": PLANAR,
     "planar_pair": PLANAR,
     "sliding_platform": SLIDING,
     "turning_platform": ("rrr3", *SLIDING, *CRANKS),
@@ -42,8 +43,9 @@ OWN: dict[str, tuple[str, ...]] = {
     "delta_family": ("delta_family",),
     "geometry_checks": ("geometry",),
     "irsbot2": ("irsbot2", "planar_indices"),
-    "irsbot2_space": ("irsbot2_space", "design_check", "design_distal", "design_proximal"),
-    "planar_pair": ("irsbot2", "planar_indices"),
+    "irsbot2_space": ("irsbot2_space", "bounds_of_many", "design_check", "design_distal", "design_proximal"),
+    "planar_columns": ("bounds_of_many",),
+    "planar_pair": ("irsbot2", "planar_indices", "bounds_of_many"),
     "rod_platform": ("rod_platform",),
     "rrr3": ("rrr3",),
     "rrr3_base": ("crank_platforms",),
@@ -58,6 +60,7 @@ BOUNDS: dict[str, tuple[str, ...]] = {
     "displacement": ("displacement_inequalities", "displacement", "geometry_errors"),
     "boxes": ("box_rods", "boxes", "geometry_errors"),
     "quadratics": ("quadratics", "box_rods", "boxes"),
+    "columns": ("bounds_of_many",),
 }
 
 CORE: dict[str, tuple[str, ...]] = {
@@ -85,7 +88,7 @@ def tests_of(module: str) -> tuple[list[str], str]:
     if package == "irsbot_supervisor":
         return [SUPERVISOR.format(test) for test in CORE.get(name, ESTIMATION)], ""
     if folder == "bounds":
-        own = ("test_displacement", "test_box_rods", "test_quadratics")
+        own = ("test_displacement", "test_box_rods", "test_quadratics", "test_bounds_of_many")
         return [KINEMATICS.format(test) for test in BOUNDS[name]], " or ".join((*ALL_KINDS, *own))
     alone = OWN.get(name, ())
     keyword = " or ".join([*ROBOTS.get(name, (name,)), *(f"test_{test}" for test in alone)])
