@@ -226,6 +226,21 @@ def test_one_sample_that_was_stamped_late_makes_no_jump_of_those_that_follow(rat
     assert answer.velocity == pytest.approx((rate, 0.0))
 
 
+@pytest.mark.parametrize("early_ms", [0.25, 0.5])
+def test_a_second_publisher_is_not_a_sender_that_is_interrupted_again_and_again(early_ms):
+    """Its positions are as far away as a joint gets from one sample to the next, but not back in a part of the time."""
+    filter_ = estimator()
+    for k in range(30):
+        good(filter_.update(accepted(k, (0.0, 1.0))))
+    both = [
+        filter_.update(accepted(k - early, (apart, 1.0), seen_ms=k))
+        for k in range(30, 34)
+        for early, apart in ((early_ms, 0.016), (0.0, 0.0))
+    ]
+    assert not isinstance(both[1], Rejected), "one sample may have been stamped late"
+    assert any(isinstance(answer, Rejected) and answer.cause == Cause.IMPLAUSIBLE for answer in both[2:])
+
+
 def test_a_stamp_that_comes_too_early_is_named_and_speeds_count_as_the_limits():
     """The stamps 19.2 and 20.8 in place of 20 and 21 ms: our steady clock explains the way, no drive explains it."""
     filter_ = estimator()

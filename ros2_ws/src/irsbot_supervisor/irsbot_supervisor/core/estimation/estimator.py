@@ -46,6 +46,7 @@ class Estimator:
         self._turns = tuple(joint.turn for joint in joints)
         self._last: Estimate | None = None
         self._before: Estimate | None = None  # the one before the last
+        self._wrong_ns: int | None = None  # when a stamp was last believed to be late
         self._rest: Floats = ()  # positions since which no joint has moved faster than the standstill speed
         self._rest_ns = 0  # and the time of these positions
         self._stood_ns = 0  # time since which no joint has moved faster
@@ -79,6 +80,7 @@ class Estimator:
         too_far = jumps.too_far(moved, span)
         if too_far and not jumps.away and self._last_was_wrong(sample):
             assert self._before is not None
+            self._wrong_ns = sample.seen_ns
             expected = self._expected(sample, passed, passed)
             self._observer.without_last(self._before.speeds)
             speeds = self._observer.update(sample.stamp_ns, sample.position)
@@ -119,9 +121,10 @@ class Estimator:
 
     def _last_was_wrong(self, sample: Accepted) -> bool:
         """True if a sample that cannot follow the last one follows the one before it: then the last was stamped late,
-        by a sender that was interrupted between reading and stamping."""
-        before = self._before
-        if before is None:
+        by a sender that was interrupted between reading and stamping. One is not interrupted again at once: two in
+        `stale_s` may be two publishers."""
+        before, wrong_ns = self._before, self._wrong_ns
+        if before is None or (wrong_ns is not None and sample.seen_ns - wrong_ns <= self._stale_s * NS_PER_S):
             return False
         span = max((sample.stamp_ns - before.stamp_ns) / NS_PER_S, passed_s(sample, before))
         if not 0.0 < span <= self._stale_s:
