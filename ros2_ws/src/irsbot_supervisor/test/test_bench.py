@@ -202,8 +202,10 @@ def test_the_page_of_a_history_needs_nothing_else(tmp_path: Path) -> None:
 def test_a_file_that_is_no_history_is_left_alone(tmp_path: Path, line: str) -> None:
     file = tmp_path / "other.txt"
     file.write_text(f"{line}\n")
-    done = run_bench("--quick", "--only", "batch", "--history", str(file))
-    assert done.returncode == 2 or "is no benchmark" in done.stderr
+    command = [sys.executable, "-m", "irsbot_supervisor", "bench", "--quick", "--only", "batch", "--history", str(file)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+    assert done.returncode == 2
+    assert done.stderr == f"irsbot: {file}, line 1 is no benchmark: it must be a file of --history\n"
     assert file.read_text() == f"{line}\n"
 
 
