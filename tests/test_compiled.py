@@ -133,6 +133,18 @@ def test_the_switch_means_plain_python(folder: Path, monkeypatch: pytest.MonkeyP
     assert not compiled.are_used()
 
 
+def test_the_first_module_of_the_core_that_is_imported_is_compiled_too(tmp_path: Path):
+    sources = ["irsbot_kinematics.statics"]
+    put(tmp_path, f"{compiled.digest(sources)}-tools", sources)
+    for empty in tmp_path.rglob(f"*{EXTENSION_SUFFIXES[0]}"):  # which cannot be imported
+        empty.unlink()
+    ask = "import sys, irsbot_supervisor.core; print([type(finder).__module__ for finder in sys.meta_path])"
+    path = os.pathsep.join(map(str, [tmp_path, *(SOURCE / name for name in compile_modules.PACKAGES)]))
+    env = {name: value for name, value in os.environ.items() if name != compiled.SWITCH} | {"PYTHONPATH": path}
+    done = subprocess.run([sys.executable, "-c", ask], env=env, check=True, capture_output=True, text=True)
+    assert compiled.Finder.__module__ in done.stdout
+
+
 needs_compiled = pytest.mark.skipif(
     not (ROOT / "ros2_ws" / "compiled" / compile_modules.folder_name(SOURCE)).is_dir(),
     reason="not compiled, or sources have changed since: ./irsbot setup --compiled",

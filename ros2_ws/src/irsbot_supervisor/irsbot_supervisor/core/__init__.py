@@ -3,3 +3,5 @@
 `supervisor.Supervisor.step` runs validation, estimator, assessment, stopping prediction, policy and latch, in this
 order.
 """
+
+import irsbot_kinematics  # noqa: F401  selects compiled forms before the first module of this package is found
