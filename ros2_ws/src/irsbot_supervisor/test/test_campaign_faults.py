@@ -31,7 +31,7 @@ from irsbot_supervisor.validation.harness import oracle as truth
 from irsbot_supervisor.validation.harness.case import Case
 from irsbot_supervisor.validation.harness.motion import work
 from irsbot_supervisor.validation.harness.rows import FALSE_STOPS, RECOVERY_S, TO_STOP_S, Entry, Job, Row, Tally
-from irsbot_supervisor.validation.harness.stream import WARM_UP, InputStream
+from irsbot_supervisor.validation.harness.stream import WARM_UP, InputStream, prepared
 from irsbot_supervisor.validation.in_process import approach, clean, delivery, garbage, loci, stamps
 from irsbot_supervisor.validation.registry import ENTRIES
 from irsbot_supervisor.validation.runner import Order, run_rows, run_rows_on
@@ -228,6 +228,22 @@ def test_a_line_moves_no_faster_than_its_joints_can_and_reports_how_fast() -> No
             np.abs(moved - line.velocity).max() <= 0.5 * 40.0 * 1e-3 + 2e-5 / 1e-3
         )  # half a period of braking, and steps
     assert [level for _ns, level in line.changes] == [Level.OK]
+
+
+def test_a_stream_begins_where_the_configured_assembly_mode_names_the_branch_of_the_work() -> None:
+    work = prepared("rails2")  # two branches with the same label
+    way = np.array([position for position, _velocity in work.points])
+    first = work.robot.posture(way[0], work.settings.assembly_mode)
+    named = [work.robot.posture(joints, work.settings.assembly_mode).pose for joints in way[::50]]
+    followed = [at.pose for at in truth.followed(work.robot, way, first)][::50]
+    same = np.abs(np.array(named) - followed).max(axis=1) < 1e-4
+    assert same.any()
+    assert not same.all()
+    begins = np.zeros(len(way), dtype=bool)
+    begins[list(work.begins)] = True
+    begun = [bool(begins[k : k + 50].any()) for k in range(0, len(way) - 50, 50)]
+    assert [k for k in range(len(begun)) if begun[k] and not (same[k] or same[k + 1])] == []
+    assert sum(begun) >= sum(same) - 1
 
 
 # --- the command --------------------------------------------------------------------------------------------------

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import lru_cache
 from itertools import islice
+from typing import NamedTuple
 
 import numpy as np
 
 from irsbot_kinematics import Robot
+from irsbot_kinematics.conformance.samples import apart
 from irsbot_kinematics.mechanism import Floats
 from irsbot_msgs_py.records import JointSample, Level, Reset, Tick, Verdict
 from irsbot_msgs_py.stamps import NS_PER_S
@@ -17,6 +19,7 @@ from irsbot_supervisor.core.events import Event, Step
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.core.supervisor import Supervisor
 from irsbot_supervisor.validation.harness.motion import PERIOD_S, measured, work
+from irsbot_supervisor.validation.harness.oracle import followed
 
 ROBOTS = ("irsbot2", "orthoglide", "rrr3")
 """Robots in these rows: rods in a plane, slides, a platform that turns."""
@@ -32,22 +35,51 @@ CYCLE = 2000
 WARM_UP = 220
 """Number of periods of good samples before any fault: longer than a silence, the learning after it, and the dwell
 time."""
+SAME = 1e-6
+"""m or rad: two poses of the same joints that differ by less are of the same branch."""
+
+APART = 20
+"""Number of periods between two points that are tried as begins where the branch has to be followed."""
+
+
+class Prepared(NamedTuple):
+    """A robot and its work."""
+
+    settings: Settings
+    robot: Robot
+    points: tuple[tuple[Floats, Floats], ...]  # positions (as measured) and rates, period by period
+    begins: tuple[int, ...]  # numbers of points at which the configured assembly mode names the true branch
 
 
 @lru_cache(maxsize=8)
-def prepared(name: str) -> tuple[Settings, Robot, tuple[tuple[Floats, Floats], ...]]:
-    """Settings, robot, and positions (as measured) and rates of its work, period by period."""
+def prepared(name: str) -> Prepared:
+    """A robot and its work, up to the last rest."""
     settings, robot = read_settings(name)
     points = [(measured(q, settings), v) for q, v in islice(work(robot, settings), CYCLE)]
     last = max(k for k, (_q, v) in enumerate(points) if max(map(abs, v)) <= settings.standstill_speed)
-    return settings, robot, tuple(points[: last + 1])
+    points = points[: last + 1]
+    return Prepared(settings, robot, tuple(points), tuple(_begins(settings, robot, [q for q, _v in points])))
+
+
+def _begins(settings: Settings, robot: Robot, way: Sequence[Floats]) -> Iterator[int]:
+    """Numbers of points, but the last, at which a supervisor that is switched on finds the branch of the first."""
+    mechanism = robot.mechanism
+    if mechanism.label_is_invariant:
+        yield from range(len(way) - 1)
+        return
+    first = mechanism.posture(way[0], settings.assembly_mode)
+    numbers = range(0, len(way) - 1, APART)
+    for k, true in zip(numbers, followed(robot, np.array(way[:-1:APART]), first), strict=True):
+        named = mechanism.posture(way[k], settings.assembly_mode)
+        if apart(mechanism.task, named.pose, true.pose) <= SAME:
+            yield k
 
 
 class InputStream:
     """One robot, the motion of its drives, its supervisor, and both clocks. Time advances period by period."""
 
     def __init__(self, name: str, rng: np.random.Generator, settings: Settings | None = None) -> None:
-        shipped, self.robot, self._points = prepared(name)
+        shipped, self.robot, self._points, begins = prepared(name)
         self.settings = settings or shipped
         self.supervisor = Supervisor(self.settings, self.robot)
         self.verdict: Verdict | None = None
@@ -58,7 +90,7 @@ class InputStream:
         self.ros_shift_ns = 0
         """ns by which the ROS clock has been set forward."""
         self.standing = False
-        self._at, self._way = int(rng.integers(len(self._points) - 1)), 1
+        self._at, self._way = begins[int(rng.integers(len(begins)))], 1
         self._beat_ns = round(self.settings.heartbeat_s * NS_PER_S)
         self._due_ns = STEADY_NS + int(rng.integers(self._beat_ns))
 
