@@ -14,7 +14,7 @@ from irsbot_supervisor.bag.mcap_writer import BagError
 from irsbot_supervisor.replay.comparison import against_expectation
 from irsbot_supervisor.replay.expectation import MEASURES, Expectation, measures_of, read_expectation, write_draft
 from irsbot_supervisor.replay.judged import Interval, Judged
-from irsbot_supervisor.replay.rejudge import Recording
+from irsbot_supervisor.replay.recording import Recording
 
 NAMES = ("a", "b")
 

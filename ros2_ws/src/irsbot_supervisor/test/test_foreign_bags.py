@@ -23,7 +23,8 @@ from irsbot_supervisor.bag.mcap_writer import BagError
 from irsbot_supervisor.bag.salvage import salvage
 from irsbot_supervisor.configuration.loading import read_settings, shipped_values
 from irsbot_supervisor.replay.judged import Judged
-from irsbot_supervisor.replay.rejudge import Assumption, judge_again, read_recording
+from irsbot_supervisor.replay.recording import read_recording
+from irsbot_supervisor.replay.rejudge import Assumption, judge_again
 from irsbot_supervisor.sim.closed_loop import cycles, record
 from irsbot_supervisor.sim.simulation import simulation_from
 

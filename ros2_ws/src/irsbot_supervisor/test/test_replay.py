@@ -30,7 +30,8 @@ from irsbot_supervisor.fleet.records import BagCheck
 from irsbot_supervisor.replay.comparison import against_recording
 from irsbot_supervisor.replay.expectation import measures_of
 from irsbot_supervisor.replay.judged import Judged
-from irsbot_supervisor.replay.rejudge import Assumption, Recording, judge_again, read_recording
+from irsbot_supervisor.replay.recording import Recording, read_recording
+from irsbot_supervisor.replay.rejudge import Assumption, judge_again
 from irsbot_supervisor.replay.run_summary import ExpectedOutcome, outcome
 from irsbot_supervisor.sim.closed_loop import cycles, record
 from irsbot_supervisor.sim.simulation import simulation_from

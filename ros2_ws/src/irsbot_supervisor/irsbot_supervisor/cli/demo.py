@@ -27,7 +27,7 @@ from irsbot_supervisor.processes.suite import (
     Suite,
     free_domain,
 )
-from irsbot_supervisor.replay.rejudge import read_recording
+from irsbot_supervisor.replay.recording import read_recording
 from irsbot_supervisor.replay.run_summary import Outcome, outcome
 from irsbot_supervisor.sim.scenario_file import read_scenario, scenario_names
 from irsbot_supervisor.sim.scenarios import Scenario

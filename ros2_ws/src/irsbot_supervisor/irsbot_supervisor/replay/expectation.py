@@ -14,7 +14,8 @@ from irsbot_supervisor.bag.journal import Configuration
 from irsbot_supervisor.bag.mcap_writer import BagError
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.replay.judged import Interval, Judged
-from irsbot_supervisor.replay.rejudge import Assumption, Recording
+from irsbot_supervisor.replay.recording import Recording
+from irsbot_supervisor.replay.rejudge import Assumption
 
 MEASURES = {
     "time_to_stop_s": "from the first STOP or UNKNOWN after work began until the joints stand, s",

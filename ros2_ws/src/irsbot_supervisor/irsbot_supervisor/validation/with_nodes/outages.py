@@ -27,7 +27,7 @@ from irsbot_supervisor.processes.suite import (
     SuiteError,
     free_domain,
 )
-from irsbot_supervisor.replay.rejudge import Recording, read_recording
+from irsbot_supervisor.replay.recording import Recording, read_recording
 from irsbot_supervisor.sim.simulation import Simulation
 from irsbot_supervisor.validation.harness.rows import RECOVERY_S, TO_STOP_S, Job, Row, Tally
 
