@@ -32,9 +32,10 @@ if TYPE_CHECKING:
     from irsbot_supervisor.core.settings import InvalidSettings, Settings
     from irsbot_supervisor.core.supervisor import Supervisor
     from irsbot_supervisor.replay.judgement import BagJudgement, LevelInterval, SmallestMargin, judge_bag
+    from irsbot_supervisor.trajectory.certificate import Certificate, Violation
     from irsbot_supervisor.trajectory.joint_path import BadTrajectory
     from irsbot_supervisor.trajectory.task_space import certify_poses
-    from irsbot_supervisor.trajectory.verification import Certificate, Violation, certify
+    from irsbot_supervisor.trajectory.verification import certify
 
 __version__ = "0.1.0"
 
@@ -77,9 +78,10 @@ _MODULES = {
     "irsbot_supervisor.core.events": ("Configure", "Step"),
     "irsbot_supervisor.core.supervisor": ("Supervisor",),
     "irsbot_supervisor.replay.judgement": ("BagJudgement", "LevelInterval", "SmallestMargin", "judge_bag"),
+    "irsbot_supervisor.trajectory.certificate": ("Certificate", "Violation"),
     "irsbot_supervisor.trajectory.joint_path": ("BadTrajectory",),
     "irsbot_supervisor.trajectory.task_space": ("certify_poses",),
-    "irsbot_supervisor.trajectory.verification": ("Certificate", "Violation", "certify"),
+    "irsbot_supervisor.trajectory.verification": ("certify",),
 }
 """Module of each public name; the imports above, for the interpreter (PEP 562)."""
 
