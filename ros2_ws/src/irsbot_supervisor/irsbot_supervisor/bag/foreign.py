@@ -13,7 +13,7 @@ from typing import Any
 
 from mcap.records import Attachment, Channel, Metadata, Schema
 
-from irsbot_supervisor.bag.mcap_reader import Loss
+from irsbot_supervisor.bag.loss import Loss
 from irsbot_supervisor.bag.mcap_writer import BagError
 from irsbot_supervisor.bag.message import Message
 
