@@ -25,7 +25,7 @@ if TYPE_CHECKING:
         Verdict,
     )
     from irsbot_supervisor.bag.bag import Bag
-    from irsbot_supervisor.bag.mcap_writer import BagError
+    from irsbot_supervisor.bag.errors import BagError
     from irsbot_supervisor.configuration.feasibility import settings_from
     from irsbot_supervisor.configuration.loading import read_settings, read_values
     from irsbot_supervisor.core.events import Configure, Step
@@ -71,7 +71,7 @@ __all__ = [
 _MODULES = {
     "irsbot_msgs_py.records": ("Cause", "JointSample", "Level", "Reset", "SingularityState", "Tick", "Verdict"),
     "irsbot_supervisor.bag.bag": ("Bag",),
-    "irsbot_supervisor.bag.mcap_writer": ("BagError",),
+    "irsbot_supervisor.bag.errors": ("BagError",),
     "irsbot_supervisor.configuration.feasibility": ("settings_from",),
     "irsbot_supervisor.configuration.loading": ("read_settings", "read_values"),
     "irsbot_supervisor.core.settings": ("InvalidSettings", "Settings"),

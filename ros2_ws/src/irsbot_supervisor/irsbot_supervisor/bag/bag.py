@@ -17,10 +17,11 @@ import zstandard
 from irsbot_msgs_py import cdr
 from irsbot_msgs_py.records import JointSample, SingularityState, Verdict
 from irsbot_supervisor.bag.column_reader import Columns, columns_in
+from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.bag.foreign import SUFFIXES, ForeignReader
 from irsbot_supervisor.bag.loss import Loss
 from irsbot_supervisor.bag.mcap_reader import McapReader
-from irsbot_supervisor.bag.mcap_writer import BagError, McapWriter
+from irsbot_supervisor.bag.mcap_writer import McapWriter
 from irsbot_supervisor.bag.message import Message
 from irsbot_supervisor.bag.message_definitions import definition, type_hash
 

@@ -29,7 +29,7 @@ _NEXT_CHUNK = re.compile(rb"\x06.{3}[\0-\x3f]\0{4}", re.DOTALL)  # opcode, and a
 
 
 class Piece(NamedTuple):
-    """A chunk, a message outside a chunk, or, if not `whole`, a stretch of unreadable bytes. at, size: bytes of the file."""
+    """A chunk, a message outside a chunk, or, if not `whole`, unreadable bytes. at, size: bytes of the file."""
 
     at: int
     size: int

@@ -16,9 +16,9 @@ import lz4.frame  # type: ignore[import-untyped]
 import zstandard
 from mcap.opcode import Opcode
 
+from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.bag.mcap_index import McapIndex, Piece
 from irsbot_supervisor.bag.mcap_layout import CHUNK, CHUNK_OPCODE, LENGTH, MESSAGE, PREFIX, count_messages
-from irsbot_supervisor.bag.mcap_writer import BagError
 from irsbot_supervisor.bag.message import Message
 from irsbot_supervisor.bag.uniform_block import UniformBlock, uniform
 
@@ -82,7 +82,7 @@ class McapReader:
                     yield Message(*name, log_ns, publish_ns, sequence, block[start:end])
 
     def topic_and_type(self, channel: int) -> tuple[str, str]:
-        """Topic and type of a channel id; the type is empty if its schema is lost. Raises KeyError for an unknown id."""
+        """Topic and type of a channel id; the type is empty if its schema is lost. Raises KeyError."""
         known = self.channels[channel]
         schema = self.schemas.get(known.schema_id)
         return known.topic, schema.name if schema is not None else ""
@@ -131,8 +131,8 @@ class McapReader:
         return found
 
     def scan_uniform(self, block: bytes) -> UniformBlock | None:
-        """The messages of a block as arrays, if all belong to one known channel and have one size; otherwise None, and the
-        block is to be scanned."""
+        """The messages of a block as arrays, if all belong to one known channel and have one size. Otherwise None: then
+        the block is to be scanned."""
         at = 0
         while at < len(block) and block[at] != Opcode.MESSAGE:
             opcode, length = PREFIX.unpack_from(block, at)

@@ -36,6 +36,7 @@ from mcap.records import (
     SummaryOffset,
 )
 
+from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.bag.mcap_layout import MAGIC, MESSAGE, PREFIX
 
 CHUNK_BYTES = 64 * 1024  # a chunk stalls the writer while it is written, and is lost as a whole
@@ -47,10 +48,6 @@ _TIME_OFFSET = Struct("<QQ")
 _CHUNK_HEAD = Struct("<BQQQQI")
 _CHUNK_INDEX = Struct("<BQQQQQI")
 _CHANNEL_OFFSET = Struct("<HQ")
-
-
-class BagError(Exception):
-    """A bag that cannot be written or read; the message names it and the reason."""
 
 
 class McapWriter:

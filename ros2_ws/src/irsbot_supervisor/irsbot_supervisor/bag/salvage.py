@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from irsbot_supervisor.bag.bag import Bag, BagWriter, topic_of
+from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.bag.loss import Loss
 from irsbot_supervisor.bag.mcap_layout import MESSAGE
 from irsbot_supervisor.bag.mcap_reader import McapReader
-from irsbot_supervisor.bag.mcap_writer import BagError
 
 
 class Salvaged(NamedTuple):

@@ -17,7 +17,7 @@ import polars as pl
 
 from irsbot_kinematics import KinematicsError, LabelsVary
 from irsbot_supervisor.bag.columns import read_joint_columns
-from irsbot_supervisor.bag.mcap_writer import BagError
+from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.configuration.loading import robot_of
 from irsbot_supervisor.fleet.cluster import HERE, Cluster, JobFailed
 from irsbot_supervisor.fleet.folder import ResultFolder, key_of, robot_files

@@ -11,7 +11,7 @@ import numpy as np
 import polars as pl
 
 from irsbot_kinematics import KinematicsError
-from irsbot_supervisor.bag.mcap_writer import BagError
+from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.core.margins import MARGIN_NAMES
 from irsbot_supervisor.core.settings import InvalidSettings
 from irsbot_supervisor.fleet.records import SHOWN_FAULTS, BagCheck, BagJob, BagRow, row_from_text

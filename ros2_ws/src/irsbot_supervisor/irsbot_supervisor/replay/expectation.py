@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 from irsbot_msgs_py.records import Cause, Level, cause_names
 from irsbot_msgs_py.stamps import NS_PER_S
+from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.bag.journal import Configuration
-from irsbot_supervisor.bag.mcap_writer import BagError
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.replay.judged import Interval, Judged
 from irsbot_supervisor.replay.recording import Recording

@@ -10,9 +10,9 @@ from pathlib import Path
 from irsbot_msgs_py.records import JointSample, SingularityState, Verdict
 from irsbot_supervisor.bag.bag import Bag
 from irsbot_supervisor.bag.column_reader import Columns
+from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.bag.joint_columns import JointSamples
 from irsbot_supervisor.bag.journal import Configuration, Entry, JournalError, read_entry
-from irsbot_supervisor.bag.mcap_writer import BagError
 from irsbot_supervisor.replay.robots_in_bag import namespace_of, robots_in, sources_of
 
 Said = tuple[int, SingularityState | Verdict | Entry]

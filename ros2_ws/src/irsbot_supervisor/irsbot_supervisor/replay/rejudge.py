@@ -19,9 +19,9 @@ from irsbot_msgs_py.records import (
     Level,
     Tick,
 )
+from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.bag.joint_columns import JointColumns, JointSamples
 from irsbot_supervisor.bag.journal import Configuration, configured
-from irsbot_supervisor.bag.mcap_writer import BagError
 from irsbot_supervisor.configuration.loading import read_settings, robot_of
 from irsbot_supervisor.core.settings import InvalidSettings, Settings
 from irsbot_supervisor.replay.judged import SILENCE_NS, Interval, Judged

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from irsbot_supervisor.bag.bag import JOINT_STATE, STATE, STRING, VERDICT, Topic, choose_joint_topic
-from irsbot_supervisor.bag.mcap_writer import BagError
+from irsbot_supervisor.bag.errors import BagError
 
 
 class Sources(NamedTuple):
