@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from supervised import MS, at_ns, configure, expectation, feed, joints_of, reset, resting, sample, supervisor_of, tick
 
 from irsbot_msgs_py.records import Bypass, Cause, Floats, JointSample, Level, Verdict
-from irsbot_supervisor.bag.bag import BagWriter
+from irsbot_supervisor.bag.bag_writer import BagWriter
 from irsbot_supervisor.bag.journal import configured, read_entry, write_entry
 from irsbot_supervisor.core.bypass import LONGEST_S, STOPPING, InForce
 from irsbot_supervisor.core.events import Configure, Event

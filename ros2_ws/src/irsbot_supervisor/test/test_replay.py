@@ -17,7 +17,8 @@ from typer.testing import CliRunner
 import irsbot_supervisor.replay.stepping
 from irsbot_msgs_py.records import Cause, JointSample, Level, SingularityState, Tick, Verdict
 from irsbot_msgs_py.stamps import NS_PER_S
-from irsbot_supervisor.bag.bag import Bag, BagWriter
+from irsbot_supervisor.bag.bag import Bag
+from irsbot_supervisor.bag.bag_writer import BagWriter
 from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.bag.journal import Configuration, configured, write_entry
 from irsbot_supervisor.cli.app import app

@@ -24,7 +24,7 @@ from irsbot_kinematics.mechanism import Posture, Status
 from irsbot_kinematics.numerics.arithmetic import Array
 from irsbot_msgs_py.records import Cause, JointSample, Level
 from irsbot_msgs_py.stamps import NS_PER_S
-from irsbot_supervisor.bag.bag import BagWriter
+from irsbot_supervisor.bag.bag_writer import BagWriter
 from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.replay.judgement import BagJudgement, judge_bag
 from irsbot_supervisor.replay.recording import read_recording

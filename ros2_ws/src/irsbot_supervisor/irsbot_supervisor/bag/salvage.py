@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple
 
-from irsbot_supervisor.bag.bag import Bag, BagWriter, topic_of
+from irsbot_supervisor.bag.bag import Bag, topic_of
+from irsbot_supervisor.bag.bag_writer import BagWriter
 from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.bag.loss import Loss
 from irsbot_supervisor.bag.mcap_layout import MESSAGE

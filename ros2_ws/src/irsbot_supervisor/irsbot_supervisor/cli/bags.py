@@ -13,10 +13,11 @@ import typer
 from rich.table import Table
 
 from irsbot_msgs_py.cdr import CdrError, decode_state, decode_verdict
-from irsbot_supervisor.bag.bag import STATE, VERDICT, Bag
+from irsbot_supervisor.bag.bag import Bag
 from irsbot_supervisor.bag.loss import Loss
 from irsbot_supervisor.bag.message import Message
 from irsbot_supervisor.bag.salvage import salvage as salvage_bag
+from irsbot_supervisor.bag.topics import STATE, VERDICT
 from irsbot_supervisor.cli.common import Failed, existing, out, print_json
 from irsbot_supervisor.replay.robots_in_bag import Sources, namespace_of, robots_in
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from irsbot_supervisor.bag.bag import METADATA
+from irsbot_supervisor.bag.bag_files import METADATA
 from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.bag.foreign import SUFFIXES
 

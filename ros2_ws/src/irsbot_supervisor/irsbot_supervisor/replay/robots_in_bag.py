@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
-from irsbot_supervisor.bag.bag import JOINT_STATE, STATE, STRING, VERDICT, Topic, choose_joint_topic
 from irsbot_supervisor.bag.errors import BagError
+from irsbot_supervisor.bag.topics import JOINT_STATE, STATE, STRING, VERDICT, Topic, choose_joint_topic
 
 
 class Sources(NamedTuple):
