@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from irsbot_msgs_py import cdr
+from irsbot_msgs_py.errors import CdrError
 from irsbot_msgs_py.records import JointSample, SingularityState, Verdict
 from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.bag.message import Message
@@ -46,5 +47,5 @@ def entry_of(message: Message) -> Entry:
     Raises BagError if the bytes are not of that type."""
     try:
         return Entry(message.topic, message.log_ns, DECODERS[message.type](message))
-    except cdr.CdrError as error:
+    except CdrError as error:
         raise BagError(f"{message.topic} at {message.log_ns} ns: {error}") from None

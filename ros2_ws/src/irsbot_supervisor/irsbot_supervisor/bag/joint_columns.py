@@ -11,7 +11,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from irsbot_msgs_py import cdr
+from irsbot_msgs_py.cdr_places import JointStateLayout, joint_state_layout
 from irsbot_msgs_py.records import JointSample
 from irsbot_msgs_py.stamps import NS_PER_S
 
@@ -187,7 +187,7 @@ class ColumnDecoder:
     """Decodes messages of one topic; it remembers their layout."""
 
     def __init__(self) -> None:
-        self._layout: cdr.JointStateLayout | None = None
+        self._layout: JointStateLayout | None = None
         self._first = b""
 
     def decode(self, raw: NDArray[np.uint8], log_ns: Times) -> JointColumns | None:
@@ -195,7 +195,7 @@ class ColumnDecoder:
         layouts or contradict themselves. Raises CdrError for a first message that is no JointState."""
         if self._layout is None or len(self._first) != raw.shape[1] or not self._fits(raw[:1]):
             self._first = raw[0].tobytes()
-            self._layout = cdr.joint_state_layout(self._first)
+            self._layout = joint_state_layout(self._first)
         layout = self._layout
         counts = {(part.stop - part.start) // 8 for part in (layout.velocity, layout.effort)}
         width = (layout.position.stop - layout.position.start) // 8

@@ -12,7 +12,8 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from irsbot_msgs_py.cdr import CdrError, decode_state, decode_verdict
+from irsbot_msgs_py.cdr import decode_state, decode_verdict
+from irsbot_msgs_py.errors import CdrError
 from irsbot_supervisor.bag.bag import Bag
 from irsbot_supervisor.bag.loss import Loss
 from irsbot_supervisor.bag.message import Message

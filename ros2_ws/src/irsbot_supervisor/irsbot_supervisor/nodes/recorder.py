@@ -19,8 +19,9 @@ from std_msgs.msg import Float64MultiArray, String
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
-from irsbot_msgs_py.cdr import CdrError, decode_string
+from irsbot_msgs_py.cdr import decode_string
 from irsbot_msgs_py.convert import health_msg
+from irsbot_msgs_py.errors import CdrError
 from irsbot_msgs_py.health import RecorderHealth, RecorderState
 from irsbot_msgs_py.process.run import FAILED, UsageError, run
 from irsbot_supervisor.bag.bag_writer import BagWriter
