@@ -161,7 +161,7 @@ def cells(
                 f"rounded for the decomposition: {', '.join(f'{k} = {float(v):g}' for k, v in found.rounded.items())}"
             )
     if target:
-        from irsbot_supervisor.plots.algebra import draw_cells
+        from irsbot_supervisor.plots.algebra.slices import draw_cells
 
         points = cusps_of(system, found, fixed_in(fix))
         draw_cells(found, system, target, points)
@@ -194,7 +194,7 @@ def configurations(
     if target:
         if not system.drawing.points:
             raise BadInput(f"{system.name} has no description for drawing")
-        from irsbot_supervisor.plots.algebra import draw_configurations
+        from irsbot_supervisor.plots.algebra.configurations import draw_configurations
 
         draw_configurations(system, found, target)
         out.print(f"written to {plot}") if not as_json else None
@@ -243,7 +243,7 @@ def loop(
         out.print(changed if found.closed else "the joints did not come back")
     if target:
         from irsbot_kinematics.algebra.tracking import Tracker
-        from irsbot_supervisor.plots.algebra import draw_loop
+        from irsbot_supervisor.plots.algebra.paths import draw_loop
 
         first = dict(zip(system.pose, found.start.tolist(), strict=True))
         way = Tracker(system).follow(path.tolist(), first)

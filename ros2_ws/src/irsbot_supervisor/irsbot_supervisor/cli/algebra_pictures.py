@@ -31,9 +31,9 @@ def draw_singular(
         raise BadInput(f"give --box for {', '.join(sorted(wanted))}, got {', '.join(names) or 'none'}")
     ranges = [(float(Fraction(low)), float(Fraction(high))) for low, high in box.values()]
     if len(names) == 3:
-        from irsbot_supervisor.plots import algebra3d
+        from irsbot_supervisor.plots.algebra import surfaces
 
-        draw = algebra3d.page_of_surfaces if target.suffix == ".html" else algebra3d.draw_surfaces
+        draw = surfaces.page_of_surfaces if target.suffix == ".html" else surfaces.draw_surfaces
         draw(found, names, ranges, system, target, title)
         return
     if len(names) != 2:
@@ -43,7 +43,7 @@ def draw_singular(
     from irsbot_kinematics.algebra.charts import axis
     from irsbot_kinematics.algebra.model.polynomial import ring_of
     from irsbot_kinematics.algebra.plane import Plane
-    from irsbot_supervisor.plots.algebra import draw_curves
+    from irsbot_supervisor.plots.algebra.slices import draw_curves
 
     first, second = (axis(n, box[n], n in system.angles, False) for n in names)
     plane = Plane([ring_of(p, (first.gen, second.gen)) for p in found], first, second)
