@@ -60,6 +60,17 @@ class JointColumns:
         for stamp, received, seen, position, velocity, effort in zip(*columns, strict=True):
             yield JointSample(stamp, received, seen, self.names, tuple(position), tuple(velocity), tuple(effort))
 
+    def of_joints(self, names: tuple[str, ...]) -> JointColumns:
+        """The columns of some joints, in the order of `names`. Raises ValueError for a joint that is not there."""
+        order = [self.names.index(name) for name in names]
+
+        def selected(columns: Values) -> Values:
+            whole = not columns.shape[1] or order == list(range(columns.shape[1]))
+            return columns if whole else np.ascontiguousarray(columns[:, order])
+
+        times = self.stamp_ns, self.received_ns, self.seen_ns
+        return JointColumns(names, *times, *map(selected, (self.position, self.velocity, self.effort)))
+
     @property
     def kind(self) -> tuple[Any, ...]:
         """What columns that are joined have in common."""
