@@ -13,10 +13,12 @@ from command import IRSBOT, PATIENCE_S
 
 from irsbot_msgs_py.records import Level, SingularityState
 from irsbot_msgs_py.stamps import NS_PER_S
-from irsbot_supervisor.bag.bag import Bag, BagWriter
+from irsbot_supervisor.bag.bag import Bag
+from irsbot_supervisor.bag.bag_writer import BagWriter
 from irsbot_supervisor.replay.comparison import against_expectation, against_recording
 from irsbot_supervisor.replay.expectation import levels_of, read_expectation
-from irsbot_supervisor.replay.rejudge import judge_again, read_recording
+from irsbot_supervisor.replay.recording import read_recording
+from irsbot_supervisor.replay.rejudge import judge_again
 from irsbot_supervisor.sim.closed_loop import BEGIN_NS
 
 ROOT = Path(__file__).parents[1]

@@ -8,6 +8,7 @@ pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
 from irsbot_supervisor.validation.harness.rows import Job, Row
 from irsbot_supervisor.validation.with_nodes import floods, operators, outages, silence, soak
+from irsbot_supervisor.validation.with_nodes.silence_causes import CAUSES
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 
@@ -52,10 +53,10 @@ def test_nodes_may_freeze_and_die(monkeypatch: pytest.MonkeyPatch):
     assert row.figures[outages.STAND_S] > 0.05  # the robot moved on for a while: the test bites
 
 
-@pytest.mark.parametrize("cause", silence.CAUSES)
+@pytest.mark.parametrize("cause", CAUSES)
 def test_verdicts_continue_during_requests_and_while_output_stalls(monkeypatch: pytest.MonkeyPatch, cause: str):
     monkeypatch.setattr(silence, "ROBOTS", ("irsbot2",))  # the slowest robots: the long row
-    monkeypatch.setattr(silence, "CAUSES", {cause: silence.CAUSES[cause]})
+    monkeypatch.setattr(silence, "CAUSES", {cause: CAUSES[cause]})
     row = silence.run(short(1))
     assert met(row)
     assert row.amount == 1

@@ -18,9 +18,11 @@ from rosbags.highlevel import AnyReader
 
 from irsbot_msgs_py.records import Level
 from irsbot_msgs_py.stamps import NS_PER_S
-from irsbot_supervisor.bag.bag import Bag, BagWriter
-from irsbot_supervisor.bag.mcap_writer import BagError
-from irsbot_supervisor.replay.rejudge import judge_again, read_recording
+from irsbot_supervisor.bag.bag import Bag
+from irsbot_supervisor.bag.bag_writer import BagWriter
+from irsbot_supervisor.bag.errors import BagError
+from irsbot_supervisor.replay.recording import read_recording
+from irsbot_supervisor.replay.rejudge import judge_again
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 

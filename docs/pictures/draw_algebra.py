@@ -10,8 +10,10 @@ from pathlib import Path
 from PIL import Image
 
 from irsbot_kinematics import algebra
-from irsbot_supervisor.plots.algebra import draw_cells, draw_configurations, draw_path, draw_side_by_side
-from irsbot_supervisor.plots.algebra3d import draw_surfaces
+from irsbot_supervisor.plots.algebra.configurations import draw_configurations
+from irsbot_supervisor.plots.algebra.paths import draw_path
+from irsbot_supervisor.plots.algebra.slices import draw_cells, draw_side_by_side
+from irsbot_supervisor.plots.algebra.surfaces import draw_surfaces
 
 HERE = Path(__file__).parent
 

@@ -40,7 +40,9 @@ def bits(value: Any) -> bytes:
 def judged_bags() -> Iterator[tuple[str, bytes]]:
     """What is said about every input of every bag."""
     from irsbot_supervisor.core.supervisor import Supervisor
-    from irsbot_supervisor.replay import rejudge, stepping
+    from irsbot_supervisor.replay import stepping
+    from irsbot_supervisor.replay.recording import read_recording
+    from irsbot_supervisor.replay.rejudge import judge_again
 
     stated = hashlib.sha256()
 
@@ -61,7 +63,7 @@ def judged_bags() -> Iterator[tuple[str, bytes]]:
     setattr(stepping, "Supervisor", Heard)  # noqa: B010 - the type checker knows another class
     for bag in sorted(path.parent for path in BAGS.glob("*/metadata.yaml")):
         stated = hashlib.sha256()
-        judged = rejudge.judge_again(rejudge.read_recording(bag), watch=lambda *_: None)  # every sample by a step
+        judged = judge_again(read_recording(bag), watch=lambda *_: None)  # every sample by a step
         stated.update(bits(judged.intervals))
         yield f"bag {bag.name}", stated.digest()
 

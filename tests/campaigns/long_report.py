@@ -22,7 +22,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "ros2_ws/src/irsbot
 from browser import PROGRAM, Browser
 
 from irsbot_msgs_py.records import JointSample
-from irsbot_supervisor.bag.bag import BagWriter
+from irsbot_supervisor.bag.bag_writer import BagWriter
 from irsbot_supervisor.cli.app import main as irsbot
 from irsbot_supervisor.configuration.loading import read_settings
 

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from irsbot_msgs_py import cdr
+from irsbot_msgs_py.errors import CdrError
 from irsbot_msgs_py.records import Cause, Finding, JointSample, Level, SingularityState, Verdict
 
 SAMPLE = JointSample(5_000_000_007, 11, 12, ("q1", "long_name"), (1.5, nan), (), (-0.0,))
@@ -108,7 +109,7 @@ def test_a_message_cut_anywhere_is_refused(name: str):
         if name == "verdict" and size >= BYPASSED:
             assert decode(whole[:size]) == VERDICT._replace(escape_cause=Cause.NONE)
             continue
-        with pytest.raises(cdr.CdrError):
+        with pytest.raises(CdrError):
             decode(whole[:size])
 
 
@@ -150,7 +151,7 @@ def test_a_reader_of_verdicts_refuses_what_is_cut_and_goes_on():
     reader, data = cdr.VerdictReader(), cdr.encode_verdict(VERDICT)
     assert reader.read(data) == VERDICT
     for end in (0, 3, 11, 40, len(data) - 40):
-        with pytest.raises(cdr.CdrError):
+        with pytest.raises(CdrError):
             reader.read(data[:end])
     assert reader.read(data) == VERDICT
 
@@ -162,13 +163,13 @@ def test_damaged_bytes_are_read_or_refused_but_never_raise_anything_else(name: s
     damaged = bytearray(whole)
     for place, new in edits:
         damaged[place % len(whole) : place % len(whole) + len(new)] = new
-    with suppress(cdr.CdrError):
+    with suppress(CdrError):
         assert isinstance(decode(bytes(damaged)), (JointSample, SingularityState, Verdict, str))
 
 
 @given(st.binary(max_size=200))
 def test_noise_is_never_anything_but_refused(noise: bytes):
-    with pytest.raises(cdr.CdrError):
+    with pytest.raises(CdrError):
         cdr.decode_state(b"\x00\x01\x00\x00" + noise)
 
 
@@ -183,14 +184,14 @@ def test_noise_is_never_anything_but_refused(noise: bytes):
     ],
 )
 def test_a_refusal_names_the_fault(data: bytes, word: str):
-    with pytest.raises(cdr.CdrError, match=word):
+    with pytest.raises(CdrError, match=word):
         cdr.decode_string(data)
 
 
 def test_a_level_that_does_not_exist_is_refused():
     data = bytearray(cdr.encode_verdict(VERDICT))
     data[4 + 16 - 3] = 4  # stamp 8, frame 4 + 1, then the level
-    with pytest.raises(cdr.CdrError, match="level 4"):
+    with pytest.raises(CdrError, match="level 4"):
         cdr.decode_verdict(data)
 
 
@@ -206,5 +207,5 @@ def test_a_level_that_does_not_exist_is_refused():
     ids=["negative count", "zero in text", "lone surrogate", "stamp beyond 2038", "text for a number"],
 )
 def test_a_record_that_does_not_fit_its_message_is_refused(state: SingularityState):
-    with pytest.raises(cdr.CdrError, match="does not fit"):
+    with pytest.raises(CdrError, match="does not fit"):
         cdr.encode_state(state)

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import pytest
 
 from irsbot_msgs_py import cdr
+from irsbot_msgs_py.cdr_layout import Kinds
 from irsbot_msgs_py.gate_status import GateCommand, GateOutcome, GateReason, GateStatus
 from irsbot_msgs_py.health import RecorderHealth, RecorderState
 from irsbot_msgs_py.records import Cause, Finding, Level, SingularityState, Verdict
@@ -74,7 +75,7 @@ def test_the_constants_of_a_message_are_its_enum(name: str, prefix: str, enum: t
 @pytest.mark.parametrize(
     ("name", "kinds"), [("SingularityState", cdr.STATE), ("Verdict", cdr.VERDICT), ("Finding", cdr.FINDING)]
 )
-def test_the_codec_knows_the_types_of_the_message(name: str, kinds: cdr.Kinds):
+def test_the_codec_knows_the_types_of_the_message(name: str, kinds: Kinds):
     assert tuple(kind(ros_type) for ros_type, _ in definition(name).fields) == kinds
 
 

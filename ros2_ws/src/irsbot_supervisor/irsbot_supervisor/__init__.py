@@ -25,16 +25,17 @@ if TYPE_CHECKING:
         Verdict,
     )
     from irsbot_supervisor.bag.bag import Bag
-    from irsbot_supervisor.bag.mcap_writer import BagError
+    from irsbot_supervisor.bag.errors import BagError
     from irsbot_supervisor.configuration.feasibility import settings_from
     from irsbot_supervisor.configuration.loading import read_settings, read_values
     from irsbot_supervisor.core.events import Configure, Step
     from irsbot_supervisor.core.settings import InvalidSettings, Settings
     from irsbot_supervisor.core.supervisor import Supervisor
     from irsbot_supervisor.replay.judgement import BagJudgement, LevelInterval, SmallestMargin, judge_bag
+    from irsbot_supervisor.trajectory.certificate import Certificate, Violation
     from irsbot_supervisor.trajectory.joint_path import BadTrajectory
     from irsbot_supervisor.trajectory.task_space import certify_poses
-    from irsbot_supervisor.trajectory.verification import Certificate, Violation, certify
+    from irsbot_supervisor.trajectory.verification import certify
 
 __version__ = "0.1.0"
 
@@ -70,16 +71,17 @@ __all__ = [
 _MODULES = {
     "irsbot_msgs_py.records": ("Cause", "JointSample", "Level", "Reset", "SingularityState", "Tick", "Verdict"),
     "irsbot_supervisor.bag.bag": ("Bag",),
-    "irsbot_supervisor.bag.mcap_writer": ("BagError",),
+    "irsbot_supervisor.bag.errors": ("BagError",),
     "irsbot_supervisor.configuration.feasibility": ("settings_from",),
     "irsbot_supervisor.configuration.loading": ("read_settings", "read_values"),
     "irsbot_supervisor.core.settings": ("InvalidSettings", "Settings"),
     "irsbot_supervisor.core.events": ("Configure", "Step"),
     "irsbot_supervisor.core.supervisor": ("Supervisor",),
     "irsbot_supervisor.replay.judgement": ("BagJudgement", "LevelInterval", "SmallestMargin", "judge_bag"),
+    "irsbot_supervisor.trajectory.certificate": ("Certificate", "Violation"),
     "irsbot_supervisor.trajectory.joint_path": ("BadTrajectory",),
     "irsbot_supervisor.trajectory.task_space": ("certify_poses",),
-    "irsbot_supervisor.trajectory.verification": ("Certificate", "Violation", "certify"),
+    "irsbot_supervisor.trajectory.verification": ("certify",),
 }
 """Module of each public name; the imports above, for the interpreter (PEP 562)."""
 

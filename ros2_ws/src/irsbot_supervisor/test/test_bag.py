@@ -20,9 +20,13 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from irsbot_msgs_py.cdr import encode_string
 from irsbot_msgs_py.records import Cause, Finding, JointSample, Level, Verdict, unknown_state
-from irsbot_supervisor.bag.bag import STRING, Bag, BagWriter, Entry, installed_topic
-from irsbot_supervisor.bag.mcap_writer import CHUNK_BYTES, CHUNK_NS, BagError, McapWriter
+from irsbot_supervisor.bag.bag import Bag
+from irsbot_supervisor.bag.bag_writer import BagWriter
+from irsbot_supervisor.bag.entries import Entry
+from irsbot_supervisor.bag.errors import BagError
+from irsbot_supervisor.bag.mcap_writer import CHUNK_BYTES, CHUNK_NS, McapWriter
 from irsbot_supervisor.bag.message_definitions import definition, type_hash
+from irsbot_supervisor.bag.topics import STRING, installed_topic
 
 START_NS = 1_700_000_000_000_000_000
 MS = 1_000_000

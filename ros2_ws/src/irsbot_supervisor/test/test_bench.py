@@ -12,15 +12,19 @@ from typing import Any
 import numpy as np
 import pytest
 
+from irsbot_supervisor.cli.bench import bench
+from irsbot_supervisor.fleet.version import code_version
 from irsbot_supervisor.sim.scenario_file import scenario_robots
 from irsbot_supervisor.validation.bench import history, loop_closure, noise
 from irsbot_supervisor.validation.bench.loop_closure import LoopClosure
 from irsbot_supervisor.validation.bench.one_sample import OneSample
 from irsbot_supervisor.validation.bench.recorder import Recorder
 from irsbot_supervisor.validation.bench.report import Measured, Row, rows
+from irsbot_supervisor.validation.bench.startup import Start
 from irsbot_supervisor.validation.bench.transport import RAW, SUPERVISED, TYPED, Run, match
 
 PATIENCE_S = 300.0
+START = Start(0.1, 0.2, 50.0)
 COMMAND = [sys.executable, "-c", "import typer; from irsbot_supervisor.cli.bench import bench; typer.run(bench)"]
 
 
@@ -177,9 +181,10 @@ def test_a_history_keeps_every_benchmark_and_compares_it_with_its_goal(tmp_path:
     file = tmp_path / "bench.jsonl"
     history.append(file, facts_with("a", 20.0))
     history.append(file, facts_with("b", 5.0))
-    kept = history.append(file, {"version": "c", "goals": []})
+    history.append(file, {"version": "c", "goals": []})
+    kept = history.read(file)
     assert [facts["version"] for facts in kept] == ["a", "b", "c"]
-    assert kept == history.read(file)
+    assert kept[:2] == [facts_with("a", 20.0), facts_with("b", 5.0)]
     assert history.ratios(kept) == {"P4 one step": [2.0, 0.5, None]}
 
 
@@ -196,6 +201,20 @@ def test_the_page_of_a_history_needs_nothing_else(tmp_path: Path) -> None:
     assert "P4 one step" in text
     assert "1: a" in text
     assert "<script src=" not in text
+
+
+def test_the_page_of_the_command_shows_earlier_results_and_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, page = tmp_path / "bench.jsonl", tmp_path / "bench.html"
+    history.append(file, facts_with("earlier", 20.0))
+    monkeypatch.setattr("irsbot_supervisor.cli.bench._measure", lambda parts, quick: Measured(startup=[START]))
+    bench(history=file, page=page, as_json=True)
+    assert history.read(file)[1] == json.loads(capsys.readouterr().out)
+    assert [facts["version"] for facts in history.read(file)] == ["earlier", code_version()]
+    text = page.read_text()
+    assert "1: earlier" in text
+    assert f"2: {code_version()}" in text
 
 
 @pytest.mark.parametrize("line", ["no json", "[]", "{}", '{"version": "a", "goals": [{"limit": "x"}]}'])

@@ -13,14 +13,15 @@ from hypothesis import strategies as st
 from supervised import MS, at_ns, configure, expectation, feed, joints_of, reset, resting, sample, supervisor_of, tick
 
 from irsbot_msgs_py.records import Bypass, Cause, Floats, JointSample, Level, Verdict
-from irsbot_supervisor.bag.bag import BagWriter
+from irsbot_supervisor.bag.bag_writer import BagWriter
 from irsbot_supervisor.bag.journal import configured, read_entry, write_entry
 from irsbot_supervisor.core.bypass import LONGEST_S, STOPPING, InForce
 from irsbot_supervisor.core.events import Configure, Event
 from irsbot_supervisor.core.supervisor import Supervisor
 from irsbot_supervisor.gate.velocity_gate import Gate
 from irsbot_supervisor.replay.comparison import against_recording
-from irsbot_supervisor.replay.rejudge import judge_again, read_recording
+from irsbot_supervisor.replay.recording import read_recording
+from irsbot_supervisor.replay.rejudge import judge_again
 
 BEYOND = 0.6, -1.0273
 """m: the Type 1 margin of the IRSBot-2 is 0.1496 here, the stop limit 0.15; the Type 2 margin is 0.182."""

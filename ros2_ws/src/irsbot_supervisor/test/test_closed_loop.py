@@ -11,7 +11,7 @@ import pytest
 from irsbot_msgs_py.records import Cause, Level
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.configuration.loading import read_settings, shipped_values
-from irsbot_supervisor.replay.rejudge import read_recording
+from irsbot_supervisor.replay.recording import read_recording
 from irsbot_supervisor.sim.closed_loop import BEGIN_NS, Cycle, GuidedRobot, cycles, record
 from irsbot_supervisor.sim.simulation import Simulation, simulation_from
 

@@ -10,11 +10,11 @@ import pytest
 
 from irsbot_msgs_py.records import Cause, JointSample, Level
 from irsbot_msgs_py.stamps import NS_PER_S
-from irsbot_supervisor.bag.mcap_writer import BagError
+from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.replay.comparison import against_expectation
 from irsbot_supervisor.replay.expectation import MEASURES, Expectation, measures_of, read_expectation, write_draft
 from irsbot_supervisor.replay.judged import Interval, Judged
-from irsbot_supervisor.replay.rejudge import Recording
+from irsbot_supervisor.replay.recording import Recording
 
 NAMES = ("a", "b")
 

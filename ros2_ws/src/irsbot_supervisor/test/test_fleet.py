@@ -15,7 +15,7 @@ from command import irsbot
 from dask_processes import dask_cluster, kill_worker, once
 
 from irsbot_kinematics import BadInput
-from irsbot_supervisor.bag.mcap_writer import BagError
+from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.fleet import cluster as fleet_cluster
 from irsbot_supervisor.fleet.bags import judge_fleet
 from irsbot_supervisor.fleet.cluster import Cluster, JobFailed, run

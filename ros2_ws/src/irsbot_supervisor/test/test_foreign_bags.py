@@ -18,12 +18,15 @@ from rosbags.typesys import Stores, get_typestore
 
 from irsbot_msgs_py.cdr import encode_joint_state
 from irsbot_msgs_py.records import JointSample
-from irsbot_supervisor.bag.bag import JOINT_STATE, Bag, BagWriter
-from irsbot_supervisor.bag.mcap_writer import BagError
+from irsbot_supervisor.bag.bag import Bag
+from irsbot_supervisor.bag.bag_writer import BagWriter
+from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.bag.salvage import salvage
+from irsbot_supervisor.bag.topics import JOINT_STATE
 from irsbot_supervisor.configuration.loading import read_settings, shipped_values
 from irsbot_supervisor.replay.judged import Judged
-from irsbot_supervisor.replay.rejudge import Assumption, judge_again, read_recording
+from irsbot_supervisor.replay.recording import read_recording
+from irsbot_supervisor.replay.rejudge import Assumption, judge_again
 from irsbot_supervisor.sim.closed_loop import cycles, record
 from irsbot_supervisor.sim.simulation import simulation_from
 

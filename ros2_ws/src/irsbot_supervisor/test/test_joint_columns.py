@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from irsbot_msgs_py.records import JointSample, Level
-from irsbot_supervisor.bag.bag import Bag, BagWriter
+from irsbot_supervisor.bag.bag import Bag
+from irsbot_supervisor.bag.bag_writer import BagWriter
 from irsbot_supervisor.bag.column_reader import Columns
 from irsbot_supervisor.bag.joint_columns import JointColumns, JointSamples
 from irsbot_supervisor.replay.levels import Levels

@@ -22,7 +22,7 @@ from irsbot_supervisor.core.margins import MARGIN_CAUSES
 from irsbot_supervisor.live.feed import HISTORY_S, Feed, Known
 from irsbot_supervisor.live.scene import COLUMNS, Scene, drawn
 from irsbot_supervisor.processes.observed import Observed
-from irsbot_supervisor.replay.rejudge import Recording, read_recording
+from irsbot_supervisor.replay.recording import Recording, read_recording
 from irsbot_supervisor.replay.run_summary import margin_of
 
 BAGS = Path(__file__).resolve().parents[4] / "bags"

@@ -16,7 +16,7 @@ from irsbot_supervisor.bag.journal import write_entry
 from irsbot_supervisor.cli.monitor import facts
 from irsbot_supervisor.cli.tables.monitor import BAR, bar, screen
 from irsbot_supervisor.processes.observed import Observed
-from irsbot_supervisor.replay.rejudge import Recording, read_recording
+from irsbot_supervisor.replay.recording import Recording, read_recording
 
 TYPE2 = Path(__file__).resolve().parents[4] / "bags" / "type2"
 

@@ -16,7 +16,8 @@ from irsbot_supervisor.configuration.loading import read_settings
 from irsbot_supervisor.core.supervisor import Supervisor
 from irsbot_supervisor.replay.judgement import story_of
 from irsbot_supervisor.replay.quiet import motion, strides
-from irsbot_supervisor.replay.rejudge import Assumption, read_recording
+from irsbot_supervisor.replay.recording import read_recording
+from irsbot_supervisor.replay.rejudge import Assumption
 from irsbot_supervisor.validation.bench.motion import recorded
 
 BAGS = Path(__file__).parents[4] / "bags"

@@ -36,7 +36,7 @@ from irsbot_supervisor.bag.bag import Bag
 from irsbot_supervisor.bag.journal import configured, write_entry
 from irsbot_supervisor.configuration.loading import read_settings
 from irsbot_supervisor.processes.suite import free_domain
-from irsbot_supervisor.replay.rejudge import read_recording
+from irsbot_supervisor.replay.recording import read_recording
 
 pytestmark = pytest.mark.ros
 

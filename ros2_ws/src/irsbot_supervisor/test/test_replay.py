@@ -17,9 +17,10 @@ from typer.testing import CliRunner
 import irsbot_supervisor.replay.stepping
 from irsbot_msgs_py.records import Cause, JointSample, Level, SingularityState, Tick, Verdict
 from irsbot_msgs_py.stamps import NS_PER_S
-from irsbot_supervisor.bag.bag import Bag, BagWriter
+from irsbot_supervisor.bag.bag import Bag
+from irsbot_supervisor.bag.bag_writer import BagWriter
+from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.bag.journal import Configuration, configured, write_entry
-from irsbot_supervisor.bag.mcap_writer import BagError
 from irsbot_supervisor.cli.app import app
 from irsbot_supervisor.cli.junit import Suite, write_junit
 from irsbot_supervisor.configuration.feasibility import settings_from
@@ -30,7 +31,8 @@ from irsbot_supervisor.fleet.records import BagCheck
 from irsbot_supervisor.replay.comparison import against_recording
 from irsbot_supervisor.replay.expectation import measures_of
 from irsbot_supervisor.replay.judged import Judged
-from irsbot_supervisor.replay.rejudge import Assumption, Recording, judge_again, read_recording
+from irsbot_supervisor.replay.recording import Recording, read_recording
+from irsbot_supervisor.replay.rejudge import Assumption, judge_again
 from irsbot_supervisor.replay.run_summary import ExpectedOutcome, outcome
 from irsbot_supervisor.sim.closed_loop import cycles, record
 from irsbot_supervisor.sim.simulation import simulation_from

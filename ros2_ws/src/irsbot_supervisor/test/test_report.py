@@ -24,10 +24,10 @@ from irsbot_kinematics.mechanism import Posture, Status
 from irsbot_kinematics.numerics.arithmetic import Array
 from irsbot_msgs_py.records import Cause, JointSample, Level
 from irsbot_msgs_py.stamps import NS_PER_S
-from irsbot_supervisor.bag.bag import BagWriter
-from irsbot_supervisor.bag.mcap_writer import BagError
+from irsbot_supervisor.bag.bag_writer import BagWriter
+from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.replay.judgement import BagJudgement, judge_bag
-from irsbot_supervisor.replay.rejudge import read_recording
+from irsbot_supervisor.replay.recording import read_recording
 from irsbot_supervisor.replay.series import Series
 from irsbot_supervisor.report.decimation import breaks_in, kept_rows, rows_of_places
 from irsbot_supervisor.report.drawing import view

@@ -17,8 +17,9 @@ from rosbags.typesys import Stores, get_typestore
 
 from irsbot_msgs_py.cdr import encode_joint_state
 from irsbot_msgs_py.records import JointSample
-from irsbot_supervisor.bag.bag import JOINT_STATE, BagWriter
-from irsbot_supervisor.replay.rejudge import read_recording
+from irsbot_supervisor.bag.bag_writer import BagWriter
+from irsbot_supervisor.bag.topics import JOINT_STATE
+from irsbot_supervisor.replay.recording import read_recording
 
 BAGS = Path(__file__).resolve().parents[4] / "bags"
 ROBOT = "irsbot2_beta45"

@@ -11,7 +11,7 @@ from browser import PROGRAM, Browser
 from command import irsbot
 
 import irsbot_kinematics as irs
-from irsbot_supervisor.bag.bag import BagWriter
+from irsbot_supervisor.bag.bag_writer import BagWriter
 from irsbot_supervisor.configuration.loading import read_settings
 from irsbot_supervisor.sim.closed_loop import cycles
 from irsbot_supervisor.sim.scenario_file import scenario_robots

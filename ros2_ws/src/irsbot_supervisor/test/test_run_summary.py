@@ -11,7 +11,7 @@ from irsbot_msgs_py.records import JointSample, Level, Verdict
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.configuration.loading import read_settings, shipped_values
 from irsbot_supervisor.plots import run as picture
-from irsbot_supervisor.replay.rejudge import Recording, SupervisorSession, read_recording
+from irsbot_supervisor.replay.recording import Recording, SupervisorSession, read_recording
 from irsbot_supervisor.replay.run_summary import ExpectedOutcome, Span, outcome, spans_heard
 from irsbot_supervisor.sim.closed_loop import cycles, record
 from irsbot_supervisor.sim.simulation import simulation_from

@@ -11,8 +11,9 @@ from mcap.writer import CompressionType, Writer
 from rosbags.rosbag2 import Reader
 
 from irsbot_msgs_py.cdr import encode_string
-from irsbot_supervisor.bag.bag import Bag, BagWriter
-from irsbot_supervisor.bag.mcap_writer import BagError
+from irsbot_supervisor.bag.bag import Bag
+from irsbot_supervisor.bag.bag_writer import BagWriter
+from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.bag.salvage import salvage
 from irsbot_supervisor.cli import bags
 from irsbot_supervisor.cli.common import Failed

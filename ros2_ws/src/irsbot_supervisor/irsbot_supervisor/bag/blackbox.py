@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections import deque
 from typing import NamedTuple
 
-from irsbot_msgs_py.cdr import CdrError, decode_verdict
+from irsbot_msgs_py.cdr import decode_verdict
+from irsbot_msgs_py.errors import CdrError
 from irsbot_msgs_py.records import Level
 
 

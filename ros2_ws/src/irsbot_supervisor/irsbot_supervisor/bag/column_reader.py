@@ -9,7 +9,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from irsbot_msgs_py.cdr import CdrError
+from irsbot_msgs_py.errors import CdrError
 from irsbot_supervisor.bag.joint_columns import SHORTEST, ColumnDecoder, JointColumns, Times
 from irsbot_supervisor.bag.mcap_reader import McapReader, Place
 from irsbot_supervisor.bag.message import Message

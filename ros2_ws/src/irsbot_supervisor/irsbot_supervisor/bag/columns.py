@@ -12,9 +12,11 @@ import polars as pl
 from irsbot_kinematics import BadInput
 from irsbot_kinematics.numerics.arithmetic import Array
 from irsbot_msgs_py.records import JointSample
-from irsbot_supervisor.bag.bag import Bag, choose_joint_topic, is_bag
+from irsbot_supervisor.bag.bag import Bag
+from irsbot_supervisor.bag.bag_files import is_bag
 from irsbot_supervisor.bag.column_reader import Columns
 from irsbot_supervisor.bag.joint_columns import JointColumns, JointSamples, columns_of
+from irsbot_supervisor.bag.topics import choose_joint_topic
 
 LARGEST = 1e10
 """rad, m, s and similar: a larger number is an error of units; seconds since the epoch are far below it."""

@@ -13,8 +13,8 @@ from typing import Any
 
 from mcap.records import Attachment, Channel, Metadata, Schema
 
-from irsbot_supervisor.bag.mcap_reader import Loss
-from irsbot_supervisor.bag.mcap_writer import BagError
+from irsbot_supervisor.bag.errors import BagError
+from irsbot_supervisor.bag.loss import Loss
 from irsbot_supervisor.bag.message import Message
 
 SUFFIXES = (".db3", ".bag")

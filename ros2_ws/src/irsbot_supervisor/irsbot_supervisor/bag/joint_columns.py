@@ -11,7 +11,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from irsbot_msgs_py import cdr
+from irsbot_msgs_py.cdr_places import JointStateLayout, joint_state_layout
 from irsbot_msgs_py.records import JointSample
 from irsbot_msgs_py.stamps import NS_PER_S
 
@@ -59,6 +59,17 @@ class JointColumns:
         columns = (column.tolist() for column in self._columns)
         for stamp, received, seen, position, velocity, effort in zip(*columns, strict=True):
             yield JointSample(stamp, received, seen, self.names, tuple(position), tuple(velocity), tuple(effort))
+
+    def of_joints(self, names: tuple[str, ...]) -> JointColumns:
+        """The columns of some joints, in the order of `names`. Raises ValueError for a joint that is not there."""
+        order = [self.names.index(name) for name in names]
+
+        def selected(columns: Values) -> Values:
+            whole = not columns.shape[1] or order == list(range(columns.shape[1]))
+            return columns if whole else np.ascontiguousarray(columns[:, order])
+
+        times = self.stamp_ns, self.received_ns, self.seen_ns
+        return JointColumns(names, *times, *map(selected, (self.position, self.velocity, self.effort)))
 
     @property
     def kind(self) -> tuple[Any, ...]:
@@ -187,7 +198,7 @@ class ColumnDecoder:
     """Decodes messages of one topic; it remembers their layout."""
 
     def __init__(self) -> None:
-        self._layout: cdr.JointStateLayout | None = None
+        self._layout: JointStateLayout | None = None
         self._first = b""
 
     def decode(self, raw: NDArray[np.uint8], log_ns: Times) -> JointColumns | None:
@@ -195,7 +206,7 @@ class ColumnDecoder:
         layouts or contradict themselves. Raises CdrError for a first message that is no JointState."""
         if self._layout is None or len(self._first) != raw.shape[1] or not self._fits(raw[:1]):
             self._first = raw[0].tobytes()
-            self._layout = cdr.joint_state_layout(self._first)
+            self._layout = joint_state_layout(self._first)
         layout = self._layout
         counts = {(part.stop - part.start) // 8 for part in (layout.velocity, layout.effort)}
         width = (layout.position.stop - layout.position.start) // 8

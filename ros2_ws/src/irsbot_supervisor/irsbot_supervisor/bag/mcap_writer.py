@@ -36,22 +36,18 @@ from mcap.records import (
     SummaryOffset,
 )
 
-MAGIC = b"\x89MCAP0\r\n"
+from irsbot_supervisor.bag.errors import BagError
+from irsbot_supervisor.bag.mcap_layout import MAGIC, MESSAGE, PREFIX
+
 CHUNK_BYTES = 64 * 1024  # a chunk stalls the writer while it is written, and is lost as a whole
 CHUNK_NS = 500_000_000
 
-_MESSAGE = Struct("<BQHIQQ")
-MESSAGE_HEAD = _MESSAGE.size
-_MESSAGE_FIXED = _MESSAGE.size - 9  # length of a message record without its data
+_MESSAGE_FIXED = MESSAGE.size - PREFIX.size  # length of a message record without its data
 _MESSAGE_INDEX = Struct("<BQHI")
 _TIME_OFFSET = Struct("<QQ")
 _CHUNK_HEAD = Struct("<BQQQQI")
 _CHUNK_INDEX = Struct("<BQQQQQI")
 _CHANNEL_OFFSET = Struct("<HQ")
-
-
-class BagError(Exception):
-    """A bag that cannot be written or read; the message names it and the reason."""
 
 
 class McapWriter:
@@ -126,7 +122,7 @@ class McapWriter:
         written."""
         chunk = self._chunk
         if self._message_index and not (
-            len(chunk) + _MESSAGE.size + len(data) <= CHUNK_BYTES and 0 <= log_ns - self._chunk_start_ns < CHUNK_NS
+            len(chunk) + MESSAGE.size + len(data) <= CHUNK_BYTES and 0 <= log_ns - self._chunk_start_ns < CHUNK_NS
         ):
             self.flush()
         if not self._message_index:
@@ -136,7 +132,7 @@ class McapWriter:
         count = self.counts[channel]
         number = (count if sequence is None else sequence) & 0xFFFFFFFF
         self._message_index[channel] += _TIME_OFFSET.pack(log_ns, len(chunk))
-        chunk += _MESSAGE.pack(Opcode.MESSAGE, _MESSAGE_FIXED + len(data), channel, number, log_ns, publish_ns)
+        chunk += MESSAGE.pack(Opcode.MESSAGE, _MESSAGE_FIXED + len(data), channel, number, log_ns, publish_ns)
         chunk += data
         self.counts[channel] = count + 1
 
@@ -148,7 +144,7 @@ class McapWriter:
         at = len(self._chunk)
         self._chunk += block
         for channel, log_ns, start in zip(channels, log_times, data_starts, strict=True):
-            self._message_index[channel] += _TIME_OFFSET.pack(log_ns, at + start - MESSAGE_HEAD)
+            self._message_index[channel] += _TIME_OFFSET.pack(log_ns, at + start - MESSAGE.size)
             self.counts[channel] += 1
         self._chunk_start_ns, self._chunk_end_ns = min(log_times), max(log_times)
         self.flush()

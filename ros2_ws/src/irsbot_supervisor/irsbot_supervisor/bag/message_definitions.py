@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
 
-from irsbot_supervisor.bag.mcap_writer import BagError
+from irsbot_supervisor.bag.errors import BagError
 
 _PRIMITIVES = {"bool", "byte", "char", "float32", "float64", "string", "wstring"}
 _PRIMITIVES |= {f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)}

@@ -5,9 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple
 
-from irsbot_supervisor.bag.bag import Bag, BagWriter, topic_of
-from irsbot_supervisor.bag.mcap_reader import Loss, McapReader
-from irsbot_supervisor.bag.mcap_writer import MESSAGE_HEAD, BagError
+from irsbot_supervisor.bag.bag import Bag, topic_of
+from irsbot_supervisor.bag.bag_writer import BagWriter
+from irsbot_supervisor.bag.errors import BagError
+from irsbot_supervisor.bag.loss import Loss
+from irsbot_supervisor.bag.mcap_layout import MESSAGE
+from irsbot_supervisor.bag.mcap_reader import McapReader
 
 
 class Salvaged(NamedTuple):
@@ -55,7 +58,7 @@ def _copy(reader: McapReader, whole: BagWriter) -> None:
         channels, _, log_times, _, starts, ends = zip(*messages, strict=True)
         for channel in set(channels) - ids.keys():
             ids[channel] = whole.channel(topic_of(reader, channel))
-        nothing_else = sum(ends) - sum(starts) + MESSAGE_HEAD * len(messages) == len(block)
+        nothing_else = sum(ends) - sum(starts) + MESSAGE.size * len(messages) == len(block)
         if nothing_else and all(ids[channel] == channel for channel in set(channels)):
             whole.file.write_block(block, channels, log_times, starts)
         else:

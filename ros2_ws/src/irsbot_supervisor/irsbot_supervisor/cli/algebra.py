@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from fractions import Fraction
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-import yaml
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
@@ -18,6 +15,21 @@ from irsbot_kinematics import BadInput, certify_loop
 from irsbot_kinematics import algebra as al
 from irsbot_kinematics.analysis.loops import circle
 from irsbot_kinematics.robot import robots
+from irsbot_supervisor.cli.algebra_inputs import (
+    AsJson,
+    Box,
+    Fix,
+    Kind,
+    Lengths,
+    Name,
+    Plot,
+    Space,
+    boxes_in,
+    fixed_in,
+    picture_named,
+    system_of,
+)
+from irsbot_supervisor.cli.algebra_pictures import cusps_of, draw_singular
 from irsbot_supervisor.cli.common import NUMBERS, Failed, err, numbers, out, print_json
 
 app = typer.Typer(
@@ -28,15 +40,6 @@ app = typer.Typer(
 
 WIDE = 400
 """Columns of the terminal that a table may use."""
-
-Name = Annotated[str, typer.Argument(help="manipulator (see `irsbot algebra names`), robot file, or file of equations")]
-Fix = Annotated[list[str] | None, typer.Option("--fix", help="fixed variable, such as rho1=17; once for each")]
-Box = Annotated[list[str] | None, typer.Option("--box", help="range, such as rho2=0.1:45; once for each")]
-Lengths = Annotated[list[str] | None, typer.Option("--set", help="length of the manipulator, such as d1=17.04")]
-Plot = Annotated[Path | None, typer.Option("--plot", help="picture: .png, .svg, .pdf; surfaces also .html")]
-AsJson = Annotated[bool, typer.Option("--json", help="print JSON")]
-Kind = Annotated[str, typer.Option(help="parallel or serial")]
-Space = Annotated[str, typer.Option(help="joint or pose")]
 
 
 @app.command("names")
@@ -67,9 +70,9 @@ def singular(
 
     Example: irsbot algebra singular orthoglide --space pose --box x=-2:2 --box y=-2:6 --box z=-2:6 --plot surface.html
     """
-    target = _picture(plot, page=True) if plot else None
-    system = _system(name, set_)
-    found = al.project(system, kind, space, _fixed(fix))
+    target = picture_named(plot, page=True) if plot else None
+    system = system_of(name, set_)
+    found = al.project(system, kind, space, fixed_in(fix))
     rows: list[dict[str, Any]] = [
         {"polynomial": str(p), "degree": p.degree, "degrees": p.degrees, "terms": p.terms, "height_bits": p.height_bits}
         for p in found
@@ -92,7 +95,7 @@ def singular(
         if not rows:
             out.print(f"{system.name}: no {kind} singularity projects to a hypersurface")
     if target:
-        _draw_singular(system, found, _boxes(box), _fixed(fix), target, f"{system.name}: {kind} singularities")
+        draw_singular(system, found, boxes_in(box), fixed_in(fix), target, f"{system.name}: {kind} singularities")
         out.print(f"written to {plot}") if not as_json else None
 
 
@@ -102,8 +105,8 @@ def cusps(name: Name, space: Space = "joint", fix: Fix = None, set_: Lengths = N
 
     Example: irsbot algebra cusps 3rpr --fix rho1=17
     """
-    system = _system(name, set_)
-    found = al.cusps(system, _fixed(fix) or None, space)
+    system = system_of(name, set_)
+    found = al.cusps(system, fixed_in(fix) or None, space)
     if as_json:
         rows = [{"joints": c.joints, "pose": c.pose, "radius": c.radius} for c in found]
         print_json({"name": system.name, "status": found.status, "complex": found.complex_count, "cusps": rows})
@@ -124,13 +127,13 @@ def cells(
 
     Example: irsbot algebra cells 3rpr --fix rho1=17 --box rho2=0.1:45 --box rho3=0.1:45 --plot cells.png
     """
-    system = _system(name, set_)
-    ranges = _boxes(box)
+    system = system_of(name, set_)
+    ranges = boxes_in(box)
     if len(ranges) != 2:
         raise BadInput(f"give --box twice, such as --box {system.joints[0]}=0:1, got {len(ranges)} of them")
-    target = _picture(plot) if plot else None
+    target = picture_named(plot) if plot else None
     with _progress() as stated:
-        found = al.decompose(system, tuple(ranges), tuple(ranges.values()), _fixed(fix), progress=stated)
+        found = al.decompose(system, tuple(ranges), tuple(ranges.values()), fixed_in(fix), progress=stated)
     counts, areas = found.counts(), found.areas()
     if as_json:
         print_json(
@@ -158,9 +161,9 @@ def cells(
                 f"rounded for the decomposition: {', '.join(f'{k} = {float(v):g}' for k, v in found.rounded.items())}"
             )
     if target:
-        from irsbot_supervisor.plots.algebra import draw_cells
+        from irsbot_supervisor.plots.algebra.slices import draw_cells
 
-        points = _cusps_of(system, found, fix)
+        points = cusps_of(system, found, fixed_in(fix))
         draw_cells(found, system, target, points)
         out.print(f"written to {target}") if not as_json else None
 
@@ -174,9 +177,9 @@ def configurations(
 
     Example: irsbot algebra configurations 3rpr --fix rho1=14.98 --fix rho2=15.38 --fix rho3=12 --plot six.png
     """
-    target = _picture(plot) if plot else None
-    system = _system(name, set_)
-    found = al.configurations(system, _fixed(fix), constraints=not all_)
+    target = picture_named(plot) if plot else None
+    system = system_of(name, set_)
+    found = al.configurations(system, fixed_in(fix), constraints=not all_)
     if as_json:
         rows = [{"pose": c.pose, "joints": c.joints, "passive": c.passive, "radius": c.radius} for c in found]
         print_json({"name": system.name, "configurations": rows})
@@ -191,7 +194,7 @@ def configurations(
     if target:
         if not system.drawing.points:
             raise BadInput(f"{system.name} has no description for drawing")
-        from irsbot_supervisor.plots.algebra import draw_configurations
+        from irsbot_supervisor.plots.algebra.configurations import draw_configurations
 
         draw_configurations(system, found, target)
         out.print(f"written to {plot}") if not as_json else None
@@ -217,8 +220,8 @@ def loop(
     Example: irsbot algebra loop rrr3_base --centre -0.750995,3.180521,-0.321021 --radius 0.1 --start 5.235988 --pose
     0.08076,0.03511,1.22907.
     """
-    target = _picture(plot) if plot else None
-    system = _system(name, set_)
+    target = picture_named(plot) if plot else None
+    system = system_of(name, set_)
     middle = numbers(centre.split(","), "--centre", len(system.joints))
     pair = tuple(int(v) for v in numbers(joints.split(","), "--joints", 2))
     if not all(1 <= j <= len(system.joints) for j in pair) or pair[0] == pair[1]:
@@ -240,7 +243,7 @@ def loop(
         out.print(changed if found.closed else "the joints did not come back")
     if target:
         from irsbot_kinematics.algebra.tracking import Tracker
-        from irsbot_supervisor.plots.algebra import draw_loop
+        from irsbot_supervisor.plots.algebra.paths import draw_loop
 
         first = dict(zip(system.pose, found.start.tolist(), strict=True))
         way = Tracker(system).follow(path.tolist(), first)
@@ -258,85 +261,6 @@ def _print(table: Table) -> None:
     Console(highlight=False, markup=False, width=WIDE).print(table)
 
 
-# --- what the user says --------------------------------------------------------------------------------------------
-
-
-def _system(name: str, lengths: list[str] | None) -> al.System:
-    stated = _pairs(lengths, "--set", "d1=17.04")
-    if name in al.names():
-        return al.predefined(name, **stated)
-    path = Path(name)
-    if path.suffix in (".yaml", ".yml"):
-        try:
-            text = yaml.safe_load(path.read_text(encoding="utf-8"))
-        except yaml.YAMLError as error:
-            raise BadInput(f"{name} is no YAML: {str(error).splitlines()[0]}") from None
-        if isinstance(text, dict) and "equations" in text:
-            return _equations(name, text, stated)
-        from irsbot_supervisor.cli.common import robot_named
-
-        return al.of_robot(robot_named(name))
-    return al.predefined(name)
-
-
-def _equations(name: str, text: dict[str, Any], lengths: dict[str, str]) -> al.System:
-    known = {
-        "equations",
-        "inequalities",
-        "pose",
-        "joints",
-        "passive",
-        "angles",
-        "parameters",
-        "name",
-        "description",
-        "units",
-    }
-    lost = sorted(set(map(str, text)) - known)
-    if lost:
-        raise BadInput(f"{name}: unknown key '{lost[0]}'; known are {', '.join(sorted(known))}")
-    for key in ("pose", "joints"):
-        if key not in text:
-            raise BadInput(f"{name}: the key '{key}' is missing")
-    parameters = {**(text.get("parameters") or {}), **lengths}
-    try:
-        return al.System(**{"name": Path(name).stem, **text, "parameters": parameters})
-    except (TypeError, AttributeError) as error:
-        raise BadInput(f"{name} is malformed: {error}; lists of texts and a mapping of parameters are wanted") from None
-
-
-def _pairs(stated: list[str] | None, option: str, example: str) -> dict[str, str]:
-    found = {}
-    for text in stated or []:
-        name, equals, value = text.partition("=")
-        if not equals or not name or not value:
-            raise BadInput(f"{option} must look like {example}, got '{text}'")
-        found[name.strip()] = value.strip()
-    return found
-
-
-def _fixed(stated: list[str] | None) -> dict[str, Any]:
-    return dict(_pairs(stated, "--fix", "rho1=17"))
-
-
-def _boxes(stated: list[str] | None) -> dict[str, tuple[str, str]]:
-    found = {}
-    for name, value in _pairs(stated, "--box", "rho2=0.1:45").items():
-        low, colon, high = value.partition(":")
-        if not colon:
-            raise BadInput(f"--box must look like rho2=0.1:45, got '{name}={value}'")
-        found[name] = (low, high)
-    return found
-
-
-def _picture(path: Path, *, page: bool = False) -> Path:
-    if path.suffix not in (".png", ".svg", ".pdf") and not (page and path.suffix == ".html"):
-        raise BadInput(
-            f"cannot draw '{path}': the suffix must be .png, .svg or .pdf{' (.html for surfaces)' if page else ''}"
-        )
-    return path
-
-
 @contextmanager
 def _progress() -> Iterator[Callable[[str, int, int], None]]:
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
@@ -347,47 +271,3 @@ def _progress() -> Iterator[Callable[[str, int, int], None]]:
             progress.update(task, description=what, completed=done, total=max(total, 1))
 
         yield stated
-
-
-def _cusps_of(system: al.System, found: al.Cells, fix: list[str] | None) -> list[al.Cusp]:
-    if system.name != "3rpr" or found.space != "joint":
-        return []
-    return list(al.cusps(system, _fixed(fix)))
-
-
-def _draw_singular(
-    system: al.System,
-    found: al.Projection,
-    box: dict[str, tuple[str, str]],
-    fixed: dict[str, Any],
-    target: Path,
-    title: str,
-) -> None:
-    names = tuple(box)
-    wanted = {
-        gen.removeprefix("t_") if gen.removeprefix("t_") in system.angles else gen for p in found for gen in p.names
-    }
-    if wanted and set(names) != wanted:
-        raise BadInput(f"give --box for {', '.join(sorted(wanted))}, got {', '.join(names) or 'none'}")
-    ranges = [(float(Fraction(low)), float(Fraction(high))) for low, high in box.values()]
-    if len(names) == 3:
-        from irsbot_supervisor.plots import algebra3d
-
-        draw = algebra3d.page_of_surfaces if target.suffix == ".html" else algebra3d.draw_surfaces
-        draw(found, names, ranges, system, target, title)
-        return
-    if len(names) != 2:
-        raise BadInput(f"a picture needs --box for two or three names, got {len(names)}")
-    if target.suffix == ".html":
-        raise BadInput("curves are drawn as .png, .svg or .pdf")
-    from irsbot_kinematics.algebra.charts import axis
-    from irsbot_kinematics.algebra.model.polynomial import ring_of
-    from irsbot_kinematics.algebra.plane import Plane
-    from irsbot_supervisor.plots.algebra import draw_curves
-
-    first, second = (axis(n, box[n], n in system.angles, False) for n in names)
-    plane = Plane([ring_of(p, (first.gen, second.gen)) for p in found], first, second)
-    points: list[al.Cusp] = []
-    if system.name == "3rpr" and set(names) <= set(system.joints):
-        points = list(al.cusps(system, fixed))
-    draw_curves(plane, system, (names[0], names[1]), target, title, points)

@@ -12,13 +12,15 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from irsbot_msgs_py.cdr import CdrError, decode_state, decode_verdict
-from irsbot_supervisor.bag.bag import STATE, VERDICT, Bag
-from irsbot_supervisor.bag.mcap_reader import Loss
+from irsbot_msgs_py.cdr import decode_state, decode_verdict
+from irsbot_msgs_py.errors import CdrError
+from irsbot_supervisor.bag.bag import Bag
+from irsbot_supervisor.bag.loss import Loss
 from irsbot_supervisor.bag.message import Message
 from irsbot_supervisor.bag.salvage import salvage as salvage_bag
+from irsbot_supervisor.bag.topics import STATE, VERDICT
 from irsbot_supervisor.cli.common import Failed, existing, out, print_json
-from irsbot_supervisor.replay.rejudge import Sources, robots_in, supervisor_of
+from irsbot_supervisor.replay.robots_in_bag import Sources, namespace_of, robots_in
 
 BagPath = Annotated[Path, typer.Argument(help="bag folder or file; MCAP files may be damaged")]
 AsJson = Annotated[bool, typer.Option("--json", help="print JSON")]
@@ -97,7 +99,7 @@ def _robot(namespace: str, found: Sources, newest: Mapping[str, Message]) -> dic
     stated: dict[str, Any] = {"namespace": namespace, "joint_states": found.joints, "supervisors": found.supervisors}
     stated |= {"robot": None, "config_hash": None}
     for message in newest.values():
-        if supervisor_of(message.topic) in found.supervisors:
+        if namespace_of(message.topic) in found.supervisors:
             with contextlib.suppress(CdrError):
                 if message.type == STATE:
                     stated["robot"] = decode_state(message.data).robot

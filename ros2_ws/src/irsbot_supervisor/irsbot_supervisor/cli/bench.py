@@ -60,16 +60,15 @@ def bench(
     """
     if page is not None and (history is None or page.suffix != ".html"):
         raise BadInput("--page draws the results of --history FILE, and its suffix must be .html")
-    if history is not None and history.exists():
-        read(history)  # refuse before the work begins
+    earlier = read(history) if history is not None else []  # refused before the work begins
     with Others() as others:
         measured = _measure(set(only or Part), quick)
     rows = report.rows(measured)
     facts = _facts(measured, rows, others)
     if history is not None:
-        kept = append(history, plain(facts))
+        append(history, plain(facts))
         if page is not None:
-            write_page(kept, page)
+            write_page([*earlier, plain(facts)], page)
     if as_json:
         print_json(facts)
         return

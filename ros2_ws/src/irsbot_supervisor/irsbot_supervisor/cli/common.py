@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from irsbot_kinematics import BadInput, KinematicsError, Robot
-from irsbot_supervisor.bag.mcap_writer import BagError
+from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.configuration.loading import robot_of
 from irsbot_supervisor.core.settings import InvalidSettings
 from irsbot_supervisor.report.json_values import plain

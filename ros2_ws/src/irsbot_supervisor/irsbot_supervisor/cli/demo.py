@@ -14,7 +14,7 @@ from rich.text import Text
 
 from irsbot_msgs_py.records import Cause, Level, SingularityState, Verdict, cause_names
 from irsbot_msgs_py.stamps import NS_PER_S
-from irsbot_supervisor.bag.mcap_writer import BagError
+from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.cli.common import Failed, out, refuse
 from irsbot_supervisor.cli.run_folder import BAG, LISTENERS, LOGS, end_in_order_when_told_to, prepare
 from irsbot_supervisor.configuration.loading import read_settings, robot_of, shipped_values
@@ -27,7 +27,7 @@ from irsbot_supervisor.processes.suite import (
     Suite,
     free_domain,
 )
-from irsbot_supervisor.replay.rejudge import read_recording
+from irsbot_supervisor.replay.recording import read_recording
 from irsbot_supervisor.replay.run_summary import Outcome, outcome
 from irsbot_supervisor.sim.scenario_file import read_scenario, scenario_names
 from irsbot_supervisor.sim.scenarios import Scenario

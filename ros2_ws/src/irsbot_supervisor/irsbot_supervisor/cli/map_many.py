@@ -14,7 +14,7 @@ from irsbot_kinematics import BadInput, KinematicsError
 from irsbot_supervisor.cli.cluster import everywhere
 from irsbot_supervisor.cli.common import out, print_json, progress_bar
 from irsbot_supervisor.cli.map_one import Wanted, draw_robot
-from irsbot_supervisor.fleet.cluster import Cluster, JobFailed
+from irsbot_supervisor.fleet.cluster import Cluster
 from irsbot_supervisor.fleet.folder import ResultFolder, key_of, robot_files
 from irsbot_supervisor.fleet.resuming import rows_of
 from irsbot_supervisor.report.json_values import plain
@@ -77,9 +77,12 @@ def draw_many(
         except (ValueError, OSError):
             return None  # not there, or not whole on a disk that lost it
 
-    def keep(job: MapJob, made: Made | JobFailed) -> Row:
-        if isinstance(made, JobFailed) or made.error:
-            return {"robot": job.name, "error": made.text if isinstance(made, JobFailed) else made.error}
+    def broken(job: MapJob, why: str) -> Row:
+        return {"robot": job.name, "error": why}
+
+    def keep(job: MapJob, made: Made) -> Row:
+        if made.error:
+            return broken(job, made.error)
         kept.write(folder / job.file, made.data)
         figures = json.dumps(made.row, indent=2)
         kept.write((folder / job.file).with_suffix(".json"), figures.encode())  # the last one: says that both are there
@@ -87,12 +90,16 @@ def draw_many(
 
     with progress_bar() as bar:
         task = bar.add_task("drawing maps", total=len(jobs))
-        rows = rows_of(jobs, draw_elsewhere, cluster, known, keep, lambda done, _all: bar.update(task, completed=done))
+
+        def shown(done: int, _all: int) -> None:
+            bar.update(task, completed=done)
+
+        rows = rows_of(jobs, draw_elsewhere, cluster, known, keep, broken, shown)
     if as_json:
         print_json({"maps": rows, "folder": folder})
     else:
         for row in rows:
             out.print(f"{row['robot']}: {row.get('error') or '; '.join(row['lines'])}")
         out.print(f"{sum('error' not in row for row in rows)} of {len(rows)} maps are in {folder}")
-    if broken := [row for row in rows if "error" in row]:
-        raise BadInput(f"{len(broken)} of {len(rows)} maps could not be drawn, the first: {broken[0]['error']}")
+    if lacking := [row for row in rows if "error" in row]:
+        raise BadInput(f"{len(lacking)} of {len(rows)} maps could not be drawn, the first: {lacking[0]['error']}")

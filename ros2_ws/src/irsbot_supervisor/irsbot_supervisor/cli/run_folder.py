@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 from pathlib import Path
 
-from irsbot_supervisor.bag.mcap_writer import BagError
+from irsbot_supervisor.bag.errors import BagError
 
 LISTENERS = 2
 """Supervisor and recorder: the simulated joints wait for both, so that they receive the run from its first sample."""

@@ -5,36 +5,24 @@ docs/how_to/limits.md describes the method.
 
 from __future__ import annotations
 
-from itertools import product
-from math import ceil, copysign, floor, inf, log10, nan
+from math import ceil, floor, inf, log10
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from irsbot_kinematics import Mechanism, Posture, Robot
+from irsbot_kinematics import Mechanism, Robot
 from irsbot_kinematics.mechanism import Floats
-from irsbot_supervisor.configuration.feasibility import infeasibilities, single_joint_patterns
-from irsbot_supervisor.configuration.stoppable_speed import candidates, find_stoppable_speed, postures
-from irsbot_supervisor.configuration.stopping_cost import Cost, costs, platform_way
-from irsbot_supervisor.core.assessment import SOLVED
-from irsbot_supervisor.core.box_search import margins_of_bounds
+from irsbot_supervisor.configuration.feasibility import infeasibilities
+from irsbot_supervisor.configuration.near_limits import NearLimit, near_limits
+from irsbot_supervisor.configuration.stoppable_speed import postures
+from irsbot_supervisor.configuration.stopping_cost import Cost, costs
+from irsbot_supervisor.configuration.stopping_room import Stopping, room_to_stop
 from irsbot_supervisor.core.estimation.observer import excess
 from irsbot_supervisor.core.estimation.sample_interval import judging_time
-from irsbot_supervisor.core.margins import MARGIN_NAMES, margins_of, slopes
-from irsbot_supervisor.core.reachable_box import position_error
+from irsbot_supervisor.core.margins import MARGIN_NAMES
 from irsbot_supervisor.core.settings import LEAST_LIMIT, InvalidSettings, Settings, completed
 
 SAFETY = 2.0
 """1: factor on the stated errors, for play and elasticity, which are not stated."""
 
-STEEP = 90
-"""Percentage of the postures next to a limit at which the margin is less steep than assumed."""
-
-NEIGHBOURS = 64
-"""Number of postures next to a limit from which errors and slopes of a margin are taken."""
-
-PARTS = 8
-"""Steps in which the branch is followed back from such a posture."""
 
 LOST = 2
 """Number of consecutive samples whose loss must have no effect."""
@@ -50,9 +38,6 @@ LEAST_HYSTERESIS = 0.02
 
 LEAST_STANDSTILL = 1e-3
 """rad/s or m/s: motion of a standing joint by its control loop, also with perfect encoders."""
-
-MOST = 8.0
-"""Multiple of the velocity limits up to which the search for stoppable speeds goes."""
 
 
 class Plant(NamedTuple):
@@ -76,24 +61,11 @@ class Plant(NamedTuple):
 
 
 class Proposal(NamedTuple):
-    """One setting, and the reason for its value."""
+    """One setting, and the reason for its value. value: a number, or one per joint."""
 
     name: str
     value: Any
     why: str
-
-
-class Stopping(NamedTuple):
-    """Stopping distance of a joint, alone and at its full speed, and the available distance. Both count from the last
-    sample before the stop: they include one period and the judging time."""
-
-    joint: str
-    unit: str
-    needs: float  # rad or m until standstill
-    platform_m: float  # m of platform motion in this time, from the best posture; NaN if the path leaves the workspace
-    room: float  # rad or m available there within the stop limits
-    margin: str  # margin that ends it; empty if none does up to MOST times the speed
-    share: float  # of the velocity limit that could be stopped
 
 
 class LimitProposal(NamedTuple):
@@ -106,20 +78,12 @@ class LimitProposal(NamedTuple):
     costs: list[Cost]
 
 
-class _Near(NamedTuple):
-    """Postures next to a limit of one margin.
-
-    Every bound of the supervision already includes the errors of its posture. A limit only has to exceed their usual
-    size, otherwise no posture would be left.
-    """
-
-    error: float  # typical
-    steep: Floats  # 1/rad or 1/m, slopes of a steep one
-    lost: float  # loss of a steep margin on the last part of the path, see `_heeding`
-
-
 def propose(robot: Robot, name: str, plant: Plant) -> LimitProposal:
-    """Limits for a machine. name: of the robot in the settings. Raises InvalidSettings for invalid numbers."""
+    """Propose every setting for a machine, each with its reason.
+
+    name: of the robot in the settings. Raises InvalidSettings for numbers outside their ranges. Limits that contradict
+    each other are no error: `LimitProposal.fault` says so.
+    """
     base, mechanism = _base(robot, name, plant), robot.mechanism
     tops = postures(base, mechanism).margins.max(axis=0, initial=-inf)
     ratio = plant.force_ratio
@@ -128,7 +92,7 @@ def propose(robot: Robot, name: str, plant: Plant) -> LimitProposal:
     ]
     ways = _heeding(base, plant)
     on = " and ".join(dict.fromkeys(f"{w:.3g} {joint.unit}" for w, joint in zip(ways, mechanism.joints, strict=True)))
-    nears = _near(base, mechanism, forces, ways)
+    nears = near_limits(base, mechanism, forces, ways)
     proposals = _copied(base, plant)
     for kind, top, force, near in zip(MARGIN_NAMES, tops, forces, nears, strict=True):
         if 0.0 < top < inf:
@@ -138,7 +102,7 @@ def propose(robot: Robot, name: str, plant: Plant) -> LimitProposal:
     proposals.append(_hysteresis(base, plant, proposals, nears))
     settings = completed({"robot": name, **{one.name: one.value for one in proposals}}, robot)
     faults = infeasibilities(settings, mechanism)
-    rows, together = _stopping(settings, mechanism, plant)
+    rows, together = room_to_stop(settings, mechanism, plant.prediction_delay_s)
     return LimitProposal(proposals, rows, together, "; ".join(faults), costs(settings, mechanism, plant.rate_hz))
 
 
@@ -176,46 +140,6 @@ def _heeding(base: Settings, plant: Plant) -> Floats:
     return tuple(ways)
 
 
-def _near(base: Settings, mechanism: Mechanism, limits: list[float], ways: Floats) -> list[_Near]:
-    """For each margin, postures next to its limit at which the other limits are kept."""
-    cloud, found = postures(base, mechanism), []
-    kept = cloud.joints[(cloud.margins >= limits).all(axis=1)]
-    margins = cloud.margins[(cloud.margins >= limits).all(axis=1)]
-    for kind in range(len(MARGIN_NAMES)):
-        rows = kept[np.argsort(margins[:, kind], kind="stable")[:NEIGHBOURS]]
-        solved = [mechanism.posture(tuple(row.tolist()), base.assembly_mode) for row in rows]
-        found.append(_next_to([at for at in solved if at.status == SOLVED], base, mechanism, kind, ways))
-    return found
-
-
-def _next_to(places: list[Posture], base: Settings, mechanism: Mechanism, kind: int, ways: Floats) -> _Near:
-    if not places or margins_of(places[0])[kind] == inf:
-        return _Near(0.0, (0.0,) * len(mechanism.joints), 0.0)
-    reach = [position_error(base)] * len(mechanism.joints)
-    slack = base.slack_m
-    errors = [
-        margins_of(at)[kind] - margins_of_bounds(mechanism.certified_bounds(at, reach, slack))[kind] for at in places
-    ]
-    signed = [slopes(mechanism, at, kind) for at in places]
-    lost = sorted([_lost(mechanism, at, slope, kind, ways) for at, slope in zip(places, signed, strict=True)])
-    steep = [tuple(map(abs, slope)) for slope in signed]
-    steep.sort(key=lambda slope: sum(s * v for s, v in zip(slope, base.velocity_limit, strict=True)))
-    return _Near(sorted(errors)[len(errors) // 2], steep[STEEP * len(steep) // 100], lost[STEEP * len(lost) // 100])
-
-
-def _lost(mechanism: Mechanism, at: Posture, slope: Floats, kind: int, ways: Floats) -> float:
-    """Loss of a margin while all joints move together down its slope to a posture, as far back as a posture exists. The
-    worst corner of the reachable box moves like this, and no point of the box has a smaller margin."""
-    back, then = at, margins_of(at)[kind]
-    for part in range(1, PARTS + 1):
-        there = zip(at.joints, ways, slope, strict=True)
-        back = mechanism.track(tuple([q + copysign(part / PARTS * way, s) for q, way, s in there]), back)
-        if back.status != SOLVED:
-            break
-        then = margins_of(back)[kind]
-    return max(then - margins_of(at)[kind], 0.0)
-
-
 def _copied(base: Settings, plant: Plant) -> list[Proposal]:
     guessed = "as deceleration_limit, as none is given: a smaller measured value makes limits less strict"
     reasons = {
@@ -231,7 +155,7 @@ def _copied(base: Settings, plant: Plant) -> list[Proposal]:
     return [Proposal(key, getattr(base, key), why) for key, why in reasons.items()]
 
 
-def _stop(kind: str, top: float, force: float, near: _Near, ratio: float) -> Proposal:
+def _stop(kind: str, top: float, force: float, near: NearLimit, ratio: float) -> Proposal:
     """The stop limit that forces allow, or that errors need."""
     need = SAFETY * near.error
     value = _up(max(force, need, LEAST_LIMIT))
@@ -285,7 +209,7 @@ def _standstill(plant: Plant) -> Proposal:
     return Proposal("standstill_speed", min(_up(max(step, LEAST_STANDSTILL)), 10.0), why)
 
 
-def _hysteresis(base: Settings, plant: Plant, proposals: list[Proposal], nears: list[_Near]) -> Proposal:
+def _hysteresis(base: Settings, plant: Plant, proposals: list[Proposal], nears: list[NearLimit]) -> Proposal:
     """Noise of the margin at the end of the braking path, as a share of its warning limit: one encoder step in the
     position, and in the speed one step per period, whose share in the stop distance is latency_s + v/a."""
     warns = {one.name: one.value for one in proposals}
@@ -300,30 +224,6 @@ def _hysteresis(base: Settings, plant: Plant, proposals: list[Proposal], nears: 
     if worst < LEAST_HYSTERESIS:
         why += f"; not below {LEAST_HYSTERESIS:g}, or the warning flickers with the motion"
     return Proposal("hysteresis", min(_up(max(worst, LEAST_HYSTERESIS)), 1.0), why)
-
-
-def _stopping(settings: Settings, mechanism: Mechanism, plant: Plant) -> tuple[list[Stopping], float]:
-    count, prediction_delay_s = len(mechanism.joints), plant.prediction_delay_s
-    places = list(candidates(settings, mechanism))
-    rows = []
-    for k, joint in enumerate(mechanism.joints):
-        speed, brake = settings.velocity_limit[k], settings.deceleration_limit[k]
-        needs = speed * (settings.latency_s + prediction_delay_s + 0.5 * speed / brake)
-        if not places:
-            rows.append(Stopping(settings.joint_names[k], joint.unit, needs, nan, 0.0, "all", 0.0))
-            continue
-        found = find_stoppable_speed(
-            settings, mechanism, places, single_joint_patterns(k, count), prediction_delay_s, MOST
-        )
-        way = platform_way(mechanism, found.at, k, needs)
-        margin = MARGIN_NAMES[found.kind] if found.kind >= 0 else ""
-        has = (settings.joint_names[k], joint.unit, needs, way, abs(found.travel[k]), margin, found.share)
-        rows.append(Stopping(*has))
-    corners = [tuple(corner) for corner in product((1.0, -1.0), repeat=count)]
-    together = (
-        find_stoppable_speed(settings, mechanism, places, corners, prediction_delay_s, MOST).share if places else 0.0
-    )
-    return rows, together
 
 
 def _up(value: float) -> float:

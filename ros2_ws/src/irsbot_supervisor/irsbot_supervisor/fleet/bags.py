@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from irsbot_supervisor.fleet.cluster import HERE, Cluster, JobFailed
+from irsbot_supervisor.fleet.cluster import HERE, Cluster
 from irsbot_supervisor.fleet.dataset import Dataset
-from irsbot_supervisor.fleet.judging import BagResult, judge
+from irsbot_supervisor.fleet.judging import BagResult, broken, judge
 from irsbot_supervisor.fleet.records import BagJob, BagRow
 from irsbot_supervisor.fleet.resuming import Progress, no_progress, rows_of
 
@@ -22,14 +22,13 @@ def judge_fleet(
     Raises BadInput where the cluster cannot be used; what was done by then is in the dataset.
     """
 
-    def keep(job: BagJob, result: BagResult | JobFailed) -> BagRow:
-        if isinstance(result, JobFailed):
-            return BagRow(job.name, result.text)
+    def keep(job: BagJob, result: BagResult) -> BagRow:
         if dataset is not None:
             dataset.add(job, result)
         return result.row
 
-    found = rows_of(jobs, judge, cluster, dataset.known if dataset is not None else lambda _job: None, keep, progress)
+    known = dataset.known if dataset is not None else lambda _job: None
+    found = rows_of(jobs, judge, cluster, known, keep, broken, progress)
     if dataset is not None:
         dataset.finish(jobs, found)
     return found

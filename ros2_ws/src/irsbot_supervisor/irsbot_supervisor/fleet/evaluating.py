@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import platform
 import warnings
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -17,10 +16,11 @@ import polars as pl
 
 from irsbot_kinematics import KinematicsError, LabelsVary
 from irsbot_supervisor.bag.columns import read_joint_columns
-from irsbot_supervisor.bag.mcap_writer import BagError
+from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.configuration.loading import robot_of
-from irsbot_supervisor.fleet.cluster import HERE, Cluster, JobFailed
+from irsbot_supervisor.fleet.cluster import HERE, Cluster
 from irsbot_supervisor.fleet.folder import ResultFolder, key_of, robot_files
+from irsbot_supervisor.fleet.inputs import fault_of
 from irsbot_supervisor.fleet.resuming import Progress, no_progress, rows_of
 
 ROW = "irsbot"
@@ -115,13 +115,12 @@ def evaluated_columns(job: InputJob) -> tuple[InputRow, dict[str, Any]]:
 
 def evaluate_input(job: InputJob) -> Evaluated:
     """One input, in a worker. Why it cannot be evaluated stands in the row. The tables of a folder are one table."""
-    if not Path(job.path).exists():
-        fault = f"it does not exist on {platform.node()}; every machine must see the inputs under the same path"
-        return Evaluated(InputRow(job.name, fault))
+    if fault := fault_of(job.path, "it", "inputs"):
+        return Evaluated(_broken(job, fault))
     try:
         row, columns = evaluated_columns(job)
     except (KinematicsError, BagError, OSError) as error:
-        return Evaluated(InputRow(job.name, str(error).replace(job.path, job.name)))
+        return Evaluated(_broken(job, str(error).replace(job.path, job.name)))
     times = columns.pop("time_s", None)
     frame = pl.DataFrame(
         {
@@ -152,14 +151,16 @@ def evaluate_inputs(
         except (ValueError, TypeError, KeyError, OSError, pl.exceptions.PolarsError):
             return None  # not there, or not whole on a disk that lost it
 
-    def keep(job: InputJob, result: Evaluated | JobFailed) -> InputRow:
-        if isinstance(result, JobFailed):
-            return InputRow(job.name, result.text)
+    def keep(job: InputJob, result: Evaluated) -> InputRow:
         if not result.row.error:
             kept.write(_file(folder, job), result.data)
         return result.row
 
-    return rows_of(jobs, evaluate_input, cluster, known, keep, progress)
+    return rows_of(jobs, evaluate_input, cluster, known, keep, _broken, progress)
+
+
+def _broken(job: InputJob, why: str) -> InputRow:
+    return InputRow(job.name, why)
 
 
 def _file(folder: Path, job: InputJob) -> Path:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import platform
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,9 +10,10 @@ import numpy as np
 import polars as pl
 
 from irsbot_kinematics import KinematicsError
-from irsbot_supervisor.bag.mcap_writer import BagError
+from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.core.margins import MARGIN_NAMES
 from irsbot_supervisor.core.settings import InvalidSettings
+from irsbot_supervisor.fleet.inputs import fault_of
 from irsbot_supervisor.fleet.records import SHOWN_FAULTS, BagCheck, BagJob, BagRow, row_from_text
 from irsbot_supervisor.replay.judgement import BagJudgement, judge_bag
 
@@ -33,9 +33,8 @@ class BagResult:
 def judge(job: BagJob) -> BagResult:
     """Judge one bag. Why it cannot be judged stands in the row."""
     options = job.options
-    if not Path(job.path).exists():
-        fault = f"'{job.path}' does not exist on {platform.node()}; every machine must see the bags under the same path"
-        return BagResult(BagRow(job.name, fault))
+    if fault := fault_of(job.path, f"'{job.path}'", "bags"):
+        return BagResult(broken(job, fault))
     try:
         found = judge_bag(
             job.path,
@@ -49,7 +48,12 @@ def judge(job: BagJob) -> BagResult:
         samples = _parquet(job, row, found) if job.samples else None
         return BagResult(row, samples, _page(found) if job.page else None)
     except (KinematicsError, BagError, InvalidSettings, OSError) as error:
-        return BagResult(BagRow(job.name, str(error).replace(job.path, job.name)))
+        return BagResult(broken(job, str(error).replace(job.path, job.name)))
+
+
+def broken(job: BagJob, why: str) -> BagRow:
+    """The line of a bag that could not be judged."""
+    return BagRow(job.name, why)
 
 
 def row_of(job: BagJob, found: BagJudgement) -> BagRow:

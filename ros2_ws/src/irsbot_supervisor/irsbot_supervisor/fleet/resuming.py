@@ -24,12 +24,14 @@ def rows_of(
     function: Callable[[Job], Result],
     cluster: Cluster,
     known: Callable[[Job], Row | None],
-    keep: Callable[[Job, Result | JobFailed], Row],
+    keep: Callable[[Job, Result], Row],
+    broken: Callable[[Job, str], Row],
     progress: Progress = no_progress,
 ) -> list[Row]:
     """A row per job, in the order of the jobs; the same whatever the cluster.
 
     known: the row of a job that is done, None for one that is not. keep: called here with every result as it comes.
+    broken: the row of a job without a result, from the reason.
 
     Raises BadInput where the cluster cannot be used; what was done by then is kept.
     """
@@ -38,6 +40,7 @@ def rows_of(
     progress(len(rows), len(jobs))
     for answer in run(function, (jobs[place] for place in waiting), cluster):
         place = waiting[answer.place]
-        rows[place] = keep(jobs[place], answer.result)
+        job, result = jobs[place], answer.result
+        rows[place] = broken(job, result.text) if isinstance(result, JobFailed) else keep(job, result)
         progress(len(rows), len(jobs))
     return [rows[place] for place in range(len(jobs))]

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from irsbot_supervisor.bag.bag import METADATA
+from irsbot_supervisor.bag.bag_files import METADATA
+from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.bag.foreign import SUFFIXES
-from irsbot_supervisor.bag.mcap_writer import BagError
 
 
 def bags_in(places: Sequence[Path]) -> list[Path]:

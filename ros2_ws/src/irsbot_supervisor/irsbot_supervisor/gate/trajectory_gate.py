@@ -16,8 +16,9 @@ from irsbot_msgs_py.records import Floats
 from irsbot_supervisor.core.margins import Margins
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.gate.answer import PASSED, Answer, held
+from irsbot_supervisor.trajectory.certificate import Certificate
 from irsbot_supervisor.trajectory.joint_path import BadTrajectory, Command, JointLimits, JointPath, path_through
-from irsbot_supervisor.trajectory.verification import Certificate, certify
+from irsbot_supervisor.trajectory.verification import certify
 
 PACES = (1.0, 0.8, 0.63, 0.5, 0.4, 0.32, 0.25, 0.2, 0.16, 0.125, 0.1)
 """Shares of the commanded speed that are tried."""

@@ -7,7 +7,8 @@ from itertools import groupby
 from math import isfinite, nan
 from struct import Struct
 
-from irsbot_msgs_py.cdr import CdrError, state_layout
+from irsbot_msgs_py.cdr_places import state_layout
+from irsbot_msgs_py.errors import CdrError
 
 FIELDS = ("type1_margin", "type2_margin", "constraint_margin", "limb_margin", "stop_margin")
 """Of a state, in the order of `scene.COLUMNS`; of several numbers the smallest counts."""

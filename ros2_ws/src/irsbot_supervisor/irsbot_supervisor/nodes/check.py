@@ -13,9 +13,10 @@ from irsbot_msgs_py.stamps import NS_PER_S, nanoseconds
 from irsbot_supervisor.core.margins import MARGIN_CAUSES
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.processes.worker import Task
+from irsbot_supervisor.trajectory.certificate import Certificate
 from irsbot_supervisor.trajectory.joint_path import BadTrajectory
 from irsbot_supervisor.trajectory.task_space import certify_poses
-from irsbot_supervisor.trajectory.verification import Certificate, certify
+from irsbot_supervisor.trajectory.verification import certify
 
 
 class Motion(NamedTuple):

@@ -7,60 +7,33 @@ certified; a separate thread does that, so that samples and heartbeats go on.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
-from enum import Enum, auto
-from threading import Lock
+from collections.abc import Callable
 from typing import Any
 
-from irsbot_msgs.msg import GateStatus as GateStatusMsg
-from rclpy.duration import Duration as Span
 from rclpy.lifecycle import LifecycleNode
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
 from irsbot_kinematics import Robot
-from irsbot_msgs_py.convert import gate_status_msg
-from irsbot_msgs_py.gate_status import GateCommand, GateReason, GateStatus
-from irsbot_msgs_py.records import Cause, Level
+from irsbot_msgs_py.gate_status import GateCommand, GateReason
+from irsbot_msgs_py.records import Level
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.core.supervisor import Supervisor
 from irsbot_supervisor.core.view import View
 from irsbot_supervisor.gate.answer import Answer, held
-from irsbot_supervisor.gate.hold import Hold, hold
 from irsbot_supervisor.gate.trajectory_gate import GatedMotion, MotionGate, Situation
 from irsbot_supervisor.gate.velocity_gate import Gate
 from irsbot_supervisor.nodes.certifier import Certifier, Outcome, Task
 from irsbot_supervisor.nodes.commands import command_of, trajectory_msg
-from irsbot_supervisor.nodes.endpoints import publisher, subscription
-from irsbot_supervisor.trajectory.joint_path import BadTrajectory, JointPath
+from irsbot_supervisor.nodes.endpoints import subscription
+from irsbot_supervisor.nodes.gate_output import DEPTH, GateOutput
+from irsbot_supervisor.trajectory.joint_path import BadTrajectory
 
 Fail = Callable[[Exception], None]
 
-DEPTH = 10
-"""Number of commands that may wait; only the newest counts."""
-
-LASTING = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""Quality of service of the gate's status: a late subscriber gets the newest message."""
-
-HEARD_S = 0.2
-"""s: longest time that the end of the node waits until its last messages are acknowledged; those to a dead node never
-are."""
-
-
 WAITED = held(GateReason.UNKNOWN, "the supervisor has paused, and the command may have waited: give it again")
 """Answer to a command of unknown age."""
-
-
-class Owed(Enum):
-    """A message that the drives still have to receive."""
-
-    NOTHING = auto()
-    HOLD = auto()  # as soon as the posture is known: an earlier command may still be running
-    HOLD_AT_REST = (
-        auto()
-    )  # where the robot stands, once it does: brakes may have brought it elsewhere than the hold says
 
 
 def nobody(_outcome: Outcome) -> None:
@@ -75,33 +48,25 @@ class CommandGate:
     ) -> None:
         """fail: called with every error in a callback."""
         self._node, self._robot, self._supervisor, self._fail = node, robot, supervisor, fail
+        self._out = GateOutput(node, settings)
         self._gate = Gate(settings, robot.mechanism)
         self._certifier = Certifier(MotionGate(settings, robot), self._certified)
         self.configure(settings)
         self._wanted: tuple[tuple[float, ...], int] | None = None  # commanded rates, and when
-        self._moving = False  # whether the last rates that were let through were other than zeros
-        self._known: View | None = None  # the last time that the state of the robot was known
         self.stops = 0
         """Number of times that the level rose to STOP or UNKNOWN, or the gate was closed."""
         self.commands = 0
         """Number of commands of every kind."""
         self._stopped = True
-        self._held: tuple[int, Hold] | None = None  # the last hold, and the time of the sample that it is made from
-        self._owed = Owed.NOTHING
         self._alive_ns = self._doubt_ns = 0  # when this process was awake last; until when commands may have waited
         self._open = False
-        self._out = Lock()  # held while publishing, so that no earlier command follows a hold
-        self._trajectories = publisher(node, JointTrajectory, "command_out", DEPTH)
-        self._velocities = publisher(node, Float64MultiArray, "velocity_out", DEPTH)
-        self._status = publisher(node, GateStatusMsg, "~/gate", LASTING)
-        self._told: tuple[GateCommand, Answer] | None = None  # the last status
-        self._tell(GateCommand.NONE, held(GateReason.INACTIVE))
+        self._out.tell(GateCommand.NONE, held(GateReason.INACTIVE))
         subscription(node, JointTrajectory, "command_in", self._guarded(self._on_trajectory), DEPTH)
         subscription(node, Float64MultiArray, "velocity_in", self._guarded(self._on_velocity), DEPTH)
 
     def configure(self, settings: Settings) -> None:
         """Take in new settings."""
-        self._settings = settings
+        self._settings = self._out.settings = settings
         self._gate.configure(settings)
         self._certifier.motions = MotionGate(settings, self._robot)
         self._timeout_ns = round(settings.command_timeout_s * NS_PER_S)
@@ -109,28 +74,27 @@ class CommandGate:
     def open(self) -> None:
         """Open the gate: commands count from now on. Earlier ones do not, because the robot may be elsewhere."""
         self._gate = Gate(self._settings, self._robot.mechanism)
-        self._known, self._held, self._owed = None, None, Owed.HOLD
+        self._out.begin()
         self._alive_ns = time.monotonic_ns()
         self._open = self._stopped = True
-        self._tell(GateCommand.NONE, held(GateReason.NO_COMMAND))
+        self._out.tell(GateCommand.NONE, held(GateReason.NO_COMMAND))
 
     def close(self) -> None:
         """Close the gate: no command passes, not even one that is being certified. Its last messages are zeros and a
         hold: a controller keeps the last rates, and follows the last motion, until it gets another command."""
-        with self._out:
-            if self._open and self._moving:
-                self._publish_rates((0.0,) * len(self._settings.joint_names))
+        with self._out.lock:
+            if self._open and self._out.moving:
+                self._out.no_rates()
             if self._open:
-                self._publish_hold()
-                self._tell(GateCommand.NONE, held(GateReason.INACTIVE))
+                self._out.hold()
+                self._out.tell(GateCommand.NONE, held(GateReason.INACTIVE))
             self._open, self._wanted = False, None
             self.stops += 1
 
     def end(self) -> None:
         """End the thread; a command that is still being certified is dropped."""
         self._certifier.end()
-        for told in (self._velocities, self._trajectories, self._status):
-            told.wait_for_all_acked(Span(seconds=HEARD_S))
+        self._out.end()
 
     @property
     def is_open(self) -> bool:
@@ -141,10 +105,10 @@ class CommandGate:
         """Hold, whatever passed before."""
         self.commands += 1
         self._certifier.drop()
-        with self._out:
+        with self._out.lock:
             self.stops += 1
-            self._publish_hold()
-            self._tell(GateCommand.TRAJECTORY, held(reason))
+            self._out.hold()
+            self._out.tell(GateCommand.TRAJECTORY, held(reason))
         self._node.get_logger().info(held(reason).text)
 
     def beat(self, seen_ns: int) -> None:
@@ -176,18 +140,14 @@ class CommandGate:
         view = self._look()
         stopped = view is None or view.judgement.level >= Level.STOP
         if stopped and not self._stopped:
-            with self._out:
+            with self._out.lock:
                 self.stops += 1
-                self._publish_hold()
-                if self._told is not None and self._told[0] != GateCommand.NONE:
-                    self._tell(self._told[0], held(GateReason.UNKNOWN if view is None else GateReason.STOP))
-        elif view is not None and self._owed == Owed.HOLD:
-            with self._out:
-                self._publish_hold()
-        elif view is not None and self._owed == Owed.HOLD_AT_REST and self._supervisor.standing:
-            with self._out:
-                self._publish_hold()
-                self._owed = Owed.NOTHING
+                self._out.hold()
+                told = self._out.told
+                if told is not None and told[0] != GateCommand.NONE:
+                    self._out.tell(told[0], held(GateReason.UNKNOWN if view is None else GateReason.STOP))
+        elif view is not None:
+            self._out.settle(self._supervisor)
         self._stopped = stopped
         if self._wanted is not None:
             self._pass_velocity(view, seen_ns)
@@ -195,7 +155,7 @@ class CommandGate:
     def _look(self) -> View | None:
         """The present state of the robot."""
         view = self._supervisor.view
-        self._known = view or self._known
+        self._out.known = view or self._out.known
         return view
 
     def _on_velocity(self, message: Float64MultiArray) -> None:
@@ -203,8 +163,8 @@ class CommandGate:
         self.commands += 1
         if not self._is_new():
             self._wanted = None
-            self._publish_rates((0.0,) * len(self._settings.joint_names))
-            self._tell(GateCommand.VELOCITY, WAITED)
+            self._out.no_rates()
+            self._out.tell(GateCommand.VELOCITY, WAITED)
             return
         self._wanted = tuple(message.data), now_ns
         self._pass_velocity(self._look(), now_ns)
@@ -216,14 +176,10 @@ class CommandGate:
         if late:
             wanted, self._wanted = (0.0,) * len(self._settings.joint_names), None
         rates, answer = self._gate.velocity(wanted, view and view.aged(now_ns))
-        self._publish_rates(rates)
-        self._tell(GateCommand.VELOCITY, held(GateReason.NO_COMMAND) if late else answer)
+        self._out.rates(rates)
+        self._out.tell(GateCommand.VELOCITY, held(GateReason.NO_COMMAND) if late else answer)
         if answer.text:
             self._node.get_logger().info(f"velocity command: {answer.text}", throttle_duration_sec=1.0)
-
-    def _publish_rates(self, rates: Sequence[float]) -> None:
-        self._velocities.publish(Float64MultiArray(data=list(rates)))
-        self._moving = any(rates)
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
         self.command(message)
@@ -257,52 +213,24 @@ class CommandGate:
             motion = None if path is None else trajectory_msg(path, self._settings.joint_names)
         except BadTrajectory as error:
             answer = held(GateReason.INVALID, str(error))
-        with self._out:
+        with self._out.lock:
             if not self._open:
                 return
             if task.stops != self.stops:
                 motion, answer = None, held(GateReason.STOP, "a stop came while the motion was looked at")
-            self._tell(GateCommand.TRAJECTORY, answer, always=True)
+            self._out.tell(GateCommand.TRAJECTORY, answer, always=True)
             if motion is None:
-                self._publish_hold()
+                self._out.hold()
                 task.answered(Outcome(None, answer))
             else:
-                self._trajectories.publish(motion)
-                self._owed = Owed.NOTHING
+                self._out.motion(motion)
                 task.answered(Outcome(path, answer, self.stops))
         if answer.text:
             self._node.get_logger().info(f"trajectory command: {answer.text}")
 
     def _refuse(self, answer: Answer, answered: Callable[[Outcome], None]) -> None:
-        with self._out:
-            self._tell(GateCommand.TRAJECTORY, answer, always=True)
-            self._publish_hold()
+        with self._out.lock:
+            self._out.tell(GateCommand.TRAJECTORY, answer, always=True)
+            self._out.hold()
             answered(Outcome(None, answer))
         self._node.get_logger().warning(f"trajectory command: {answer.text}")
-
-    def _tell(self, command: GateCommand, answer: Answer, *, always: bool = False) -> None:
-        """Publish the result of a command, if it is new."""
-        before, self._told = self._told, (command, answer)
-        if always or before is None or (command, answer[:3]) != (before[0], before[1][:3]):
-            stamp_ns = self._node.get_clock().now().nanoseconds
-            cause = Cause(answer.cause)
-            status = GateStatus(stamp_ns, command, answer.outcome, answer.reason, cause, answer.share, answer.text)
-            self._status.publish(gate_status_msg(status))
-
-    def _publish_hold(self) -> None:
-        """Publish a hold of one point at rest: controllers refuse a message without points and go on with their last
-        one. Publishes nothing if the state was never known: then nothing has passed. If the state is not known now, the
-        last commanded point is used. The caller holds `_out`."""
-        known, settings = self._known, self._settings
-        if known is None:
-            return
-        if self._held is None or self._held[0] != known.seen_ns:
-            age_s = min((time.monotonic_ns() - known.seen_ns) / NS_PER_S, settings.stale_s)  # later it is no knowledge
-            brakes, shortest_s = settings.deceleration_limit, settings.heartbeat_s
-            rest = hold(known.at.joints, known.velocity, brakes, age_s, settings.latency_s, shortest_s)
-            self._held = known.seen_ns, rest
-        after_s, position = self._held[1]
-        still = (0.0,) * len(position)
-        path = JointPath((0.0, after_s), (position, position), (still, still))
-        self._trajectories.publish(trajectory_msg(path, settings.joint_names))
-        self._owed = Owed.HOLD_AT_REST

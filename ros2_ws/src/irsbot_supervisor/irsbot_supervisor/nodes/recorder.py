@@ -19,14 +19,16 @@ from std_msgs.msg import Float64MultiArray, String
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
-from irsbot_msgs_py.cdr import CdrError, decode_string
+from irsbot_msgs_py.cdr import decode_string
 from irsbot_msgs_py.convert import health_msg
+from irsbot_msgs_py.errors import CdrError
 from irsbot_msgs_py.health import RecorderHealth, RecorderState
 from irsbot_msgs_py.process.run import FAILED, UsageError, run
-from irsbot_supervisor.bag.bag import BagWriter, installed_topic
+from irsbot_supervisor.bag.bag_writer import BagWriter
 from irsbot_supervisor.bag.blackbox import BlackBox, Kept, StopWatch
+from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.bag.journal import Configuration, JournalError, read_entry
-from irsbot_supervisor.bag.mcap_writer import BagError
+from irsbot_supervisor.bag.topics import installed_topic
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.nodes.endpoints import publisher
 from irsbot_supervisor.nodes.polled_subscriptions import PolledSubscriptions, Source, Taken

@@ -10,7 +10,8 @@ from rclpy.qos import QoSPolicyKind, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import JointState
 
-from irsbot_msgs_py.cdr import CdrError, decode_joint_state
+from irsbot_msgs_py.cdr import decode_joint_state
+from irsbot_msgs_py.errors import CdrError
 from irsbot_msgs_py.records import JointSample
 from irsbot_supervisor.nodes.endpoints import subscription
 

@@ -19,7 +19,8 @@ from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
 from irsbot_kinematics import KinematicsError
-from irsbot_msgs_py.cdr import CdrError, decode_verdict, encode_joint_state
+from irsbot_msgs_py.cdr import decode_verdict, encode_joint_state
+from irsbot_msgs_py.errors import CdrError
 from irsbot_msgs_py.process.run import FAILED, run
 from irsbot_msgs_py.records import JointSample, Level
 from irsbot_msgs_py.stamps import NS_PER_S

@@ -11,15 +11,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from irsbot_kinematics.numerics.arithmetic import Array
-from irsbot_msgs_py.records import Cause, Level, SingularityState
+from irsbot_msgs_py.records import CONSUMER_TIMEOUT_S, Cause, Level, SingularityState
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.bag.journal import Configuration
 from irsbot_supervisor.core.margins import MARGIN_CAUSES, MARGIN_NAMES, MARGIN_TEXTS
-from irsbot_supervisor.replay.rejudge import SILENCE_NS, Recording
+from irsbot_supervisor.replay.recording import Recording
 from irsbot_supervisor.replay.run_summary import Outcome, margin_of, spans_heard
 
 LEVEL_COLOURS = {Level.OK: "#d9f0d3", Level.WARN: "#fee8a8", Level.STOP: "#f7b2a5", Level.UNKNOWN: "#d8c9e6"}
-SILENT = f"no verdict for {SILENCE_NS / NS_PER_S:g} s: stop"
+SILENT = f"no verdict for {CONSUMER_TIMEOUT_S:g} s: stop"
 SILENT_STYLE: dict[str, Any] = {"facecolor": "#d8c9e6", "edgecolor": "#8050a0", "hatch": "//", "linewidth": 0.0}
 MARGIN_COLOURS = ("#1b6ca8", "#b3372f", "#2d7d46", "#8050a0")
 MARKS = (("limit crossed", "crossed_ns", ":"), ("STOP", "stopped_ns", "--"), ("standstill", "stood_ns", "-."))
@@ -83,5 +83,5 @@ def _shade_levels(axes: Axes, recording: Recording, end_ns: int) -> None:
 
 def _with_gaps(times: Array, values: Array) -> tuple[Array, Array]:
     """Break lines at times of which nothing is known."""
-    gaps = np.flatnonzero(np.diff(times) > SILENCE_NS / NS_PER_S) + 1
+    gaps = np.flatnonzero(np.diff(times) > CONSUMER_TIMEOUT_S) + 1
     return np.insert(times, gaps, np.nan), np.insert(values, gaps, np.nan)

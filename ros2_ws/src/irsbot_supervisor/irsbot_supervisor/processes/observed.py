@@ -9,7 +9,8 @@ from collections.abc import Mapping, Sequence
 from math import inf
 from typing import Any, NamedTuple
 
-from irsbot_msgs_py.cdr import CdrError, decode_state
+from irsbot_msgs_py.cdr import decode_state
+from irsbot_msgs_py.errors import CdrError
 from irsbot_msgs_py.records import CONSUMER_TIMEOUT_S, Level, SingularityState, Verdict
 from irsbot_supervisor.bag.journal import Configuration, JournalError, read_entry
 

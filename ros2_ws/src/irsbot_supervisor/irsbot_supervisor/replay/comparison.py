@@ -9,7 +9,7 @@ from irsbot_msgs_py.records import cause_names
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.replay.expectation import MEASURES, Expectation, Expected, LevelSpan, levels_of, measures_of
 from irsbot_supervisor.replay.judged import Interval, Judged
-from irsbot_supervisor.replay.rejudge import Recording, SupervisorSession
+from irsbot_supervisor.replay.recording import Recording, SupervisorSession
 
 
 class Check(NamedTuple):

@@ -10,11 +10,12 @@ from typing import Any, NamedTuple
 
 from irsbot_msgs_py.records import Cause, Level, cause_names
 from irsbot_msgs_py.stamps import NS_PER_S
+from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.bag.journal import Configuration
-from irsbot_supervisor.bag.mcap_writer import BagError
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.replay.judged import Interval, Judged
-from irsbot_supervisor.replay.rejudge import Assumption, Recording
+from irsbot_supervisor.replay.recording import Recording
+from irsbot_supervisor.replay.rejudge import Assumption
 
 MEASURES = {
     "time_to_stop_s": "from the first STOP or UNKNOWN after work began until the joints stand, s",

@@ -7,11 +7,15 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from irsbot_kinematics import Robot
-from irsbot_msgs_py.records import Cause, Level, cause_names
+from irsbot_msgs_py.records import CONSUMER_TIMEOUT_S, Cause, Level, cause_names
+from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.core.latch import Judgement
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.core.stop_monitor import MeasuredStop
 from irsbot_supervisor.replay.levels import Levels
+
+SILENCE_NS = round(CONSUMER_TIMEOUT_S * NS_PER_S)
+"""ns without a verdict after which a consumer stops."""
 
 
 class Interval(NamedTuple):

@@ -20,7 +20,8 @@ from irsbot_supervisor.replay.comparison import Check, against_expectation, agai
 from irsbot_supervisor.replay.expectation import Expectation, measures_of, read_expectation
 from irsbot_supervisor.replay.judged import Judged
 from irsbot_supervisor.replay.quiet.strides import QuietRows
-from irsbot_supervisor.replay.rejudge import Assumption, Recording, judge_again, read_recording
+from irsbot_supervisor.replay.recording import Recording, read_recording
+from irsbot_supervisor.replay.rejudge import Assumption, judge_again
 from irsbot_supervisor.replay.run_figures import summary
 from irsbot_supervisor.replay.series import Series
 from irsbot_supervisor.replay.stepping import Watch, WatchRows

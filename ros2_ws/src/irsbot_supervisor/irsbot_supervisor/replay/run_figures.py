@@ -14,7 +14,7 @@ from irsbot_supervisor.core.margins import MARGIN_CAUSES
 from irsbot_supervisor.core.stopping import limits_of
 from irsbot_supervisor.replay.expectation import levels_of
 from irsbot_supervisor.replay.judged import Judged
-from irsbot_supervisor.replay.rejudge import Recording
+from irsbot_supervisor.replay.recording import Recording
 from irsbot_supervisor.replay.series import MARGINS, Series, SettingsInForce
 
 SAME_S = 1e-9

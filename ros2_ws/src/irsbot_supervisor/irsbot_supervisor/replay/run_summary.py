@@ -10,7 +10,8 @@ from irsbot_msgs_py.records import Cause, Level, SingularityState
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.bag.journal import Configuration
 from irsbot_supervisor.core.margins import MARGIN_CAUSES, MARGIN_NAMES, MARGIN_TEXTS
-from irsbot_supervisor.replay.rejudge import SILENCE_NS, Recording
+from irsbot_supervisor.replay.judged import SILENCE_NS
+from irsbot_supervisor.replay.recording import Recording
 
 
 @dataclass(frozen=True)

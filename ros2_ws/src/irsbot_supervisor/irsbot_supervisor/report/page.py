@@ -10,7 +10,7 @@ from typing import Any
 import jinja2
 import numpy as np
 
-from irsbot_supervisor.bag.mcap_writer import BagError
+from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.replay.expectation import MEASURES
 from irsbot_supervisor.replay.judgement import BagJudgement

@@ -10,9 +10,8 @@ import numpy as np
 
 from irsbot_kinematics.mechanism import Mechanism
 from irsbot_kinematics.numerics.arithmetic import Array
-from irsbot_msgs_py.stamps import NS_PER_S
+from irsbot_msgs_py.records import CONSUMER_TIMEOUT_S
 from irsbot_supervisor.core.stopping import limits_of
-from irsbot_supervisor.replay.rejudge import SILENCE_NS
 from irsbot_supervisor.replay.series import MARGINS, Series, SettingsInForce
 from irsbot_supervisor.report.decimation import breaks_in, kept_rows, rows_of_places
 
@@ -76,7 +75,7 @@ def tracks(series: Series, mechanism: Mechanism, settings: SettingsInForce) -> l
 def track(title: str, unit: str, times: Array, columns: Mapping[str, Array]) -> dict[str, Any]:
     """One plot, decimated. columns: (N,) each; columns without any known value are left out."""
     known = {name: column for name, column in columns.items() if np.isfinite(column).any()}
-    breaks = breaks_in(times, SILENCE_NS / NS_PER_S)
+    breaks = breaks_in(times, CONSUMER_TIMEOUT_S)
     rows = kept_rows(list(known.values()), breaks) if known else np.arange(0)
     return {
         "title": title,
@@ -104,7 +103,7 @@ def posture_table(series: Series, mechanism: Mechanism) -> dict[str, Any]:
     """Poses, joints and passive joints over time, and the least margin: the data for the drawing of the mechanism."""
     pose, joints = series["pose"], series["joint"]
     least: Array = np.fmin.reduce(series["margin"], axis=1)
-    breaks = breaks_in(series.times, SILENCE_NS / NS_PER_S)
+    breaks = breaks_in(series.times, CONSUMER_TIMEOUT_S)
     rows = np.union1d(kept_rows([*pose.T, *joints.T, least], breaks), rows_of_places(pose, least))
     positions = {one.name: rounded(column) for one, column in zip(mechanism.joints, joints[rows].T, strict=True)}
     return {

@@ -15,7 +15,7 @@ from irsbot_kinematics import Robot
 from irsbot_kinematics.mechanism import Floats
 from irsbot_msgs_py.records import CONSUMER_TIMEOUT_S, JointSample, Level, Reset, SingularityState, Tick, Verdict
 from irsbot_msgs_py.stamps import NS_PER_S
-from irsbot_supervisor.bag.bag import BagWriter
+from irsbot_supervisor.bag.bag_writer import BagWriter
 from irsbot_supervisor.bag.journal import configured, write_entry
 from irsbot_supervisor.core.events import Step
 from irsbot_supervisor.core.latch import Judgement

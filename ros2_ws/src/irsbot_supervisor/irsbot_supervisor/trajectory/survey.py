@@ -15,8 +15,10 @@ from irsbot_kinematics import Robot
 from irsbot_msgs_py.records import Cause
 from irsbot_supervisor.core.margins import MARGIN_CAUSES
 from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.trajectory.certificate import Minima, Violation
 from irsbot_supervisor.trajectory.joint_path import peaks_of
-from irsbot_supervisor.trajectory.verification import Minima, Motion, Violation, Walk
+from irsbot_supervisor.trajectory.segments import JointSegments
+from irsbot_supervisor.trajectory.verification import Walk
 
 
 class Run(NamedTuple):
@@ -70,7 +72,7 @@ def survey(
     After a Type 2 singularity the margins are those of the assembly mode of the start, if labels are invariant. Raises
     BadTrajectory.
     """
-    motion = Motion(len(robot.mechanism.joints), times_s, positions, velocities)
+    motion = JointSegments(len(robot.mechanism.joints), times_s, positions, velocities)
     walk = Walk(robot, settings, motion, assembly_mode)
     end_s, speeds = float(motion.times[-1]), fastest(motion)
     violation = walk.start()
@@ -100,7 +102,7 @@ def survey(
     return Survey(tuple(runs), before or walk.minima, walk.minima, speeds)
 
 
-def fastest(motion: Motion) -> tuple[tuple[float, float], ...]:
+def fastest(motion: JointSegments) -> tuple[tuple[float, float], ...]:
     """Largest speed of every joint, rad/s or m/s, and the time at the begin of the segment where it is reached, s."""
     if len(motion.times) < 2:
         return ((0.0, float(motion.times[0])),) * motion.q.shape[1]

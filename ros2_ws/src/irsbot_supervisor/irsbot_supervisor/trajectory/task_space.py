@@ -15,9 +15,10 @@ from irsbot_kinematics.numerics.arithmetic import Array
 from irsbot_msgs_py.records import Cause
 from irsbot_supervisor.core.margins import MARGIN_CAUSES
 from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.trajectory.certificate import Certificate, Violation
 from irsbot_supervisor.trajectory.joint_path import BadTrajectory
 from irsbot_supervisor.trajectory.survey import Run, Survey, survey
-from irsbot_supervisor.trajectory.verification import Certificate, Violation, certify
+from irsbot_supervisor.trajectory.verification import certify
 
 SPACING_M = 1e-3
 """m: largest motion of the platform between two joint positions (angles times the mechanism's length). Between them the

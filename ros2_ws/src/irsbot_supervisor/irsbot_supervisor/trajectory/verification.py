@@ -1,8 +1,7 @@
 """Certifies that a planned motion keeps its margins above the stop limits, also between its points.
 
 The joints of a segment lie in a box; the mechanism bounds its margins over boxes. Long stretches are tried first and
-cut where their bound does not suffice, in the order of time, so that the first violation is reported. Points with
-velocities are connected by cubics, points without by straight lines, as in trajectory controllers.
+cut where their bound does not suffice, in the order of time, so that the first violation is reported.
 
 A supervisor stops a robot earlier: as soon as drives that do their worst could not be stopped in time. If the
 prediction delay is given, the motion is certified for that too: the box of a part is extended by the motion that the
@@ -12,15 +11,13 @@ joints can make from it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
 from math import ceil, inf, nan
-from typing import NamedTuple
 
 import numpy as np
 
 from irsbot_kinematics import Posture, Robot, Status
 from irsbot_kinematics.numerics.arithmetic import Array
-from irsbot_msgs_py.records import Cause, Floats
+from irsbot_msgs_py.records import Cause
 from irsbot_supervisor.core.box_search import BoxBounds, margins_of_bounds
 from irsbot_supervisor.core.estimation.estimate import Speeds
 from irsbot_supervisor.core.estimation.observer import excess
@@ -29,7 +26,9 @@ from irsbot_supervisor.core.position_limits import PositionLimits
 from irsbot_supervisor.core.reachable_box import ReachableBox, position_error
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.core.stopping import cuts_of, limits_of
+from irsbot_supervisor.trajectory.certificate import Certificate, Minima, Violation
 from irsbot_supervisor.trajectory.joint_path import BadTrajectory
+from irsbot_supervisor.trajectory.segments import JointSegments
 
 STRETCH = 64
 """Number of segments that are first tried in one box."""
@@ -48,35 +47,6 @@ ACROSS, WIDE = 16, 0.02
 """A segment with a violation is divided into at most so many parts, each as wide as this, rad or m."""
 
 
-class Violation(NamedTuple):
-    """The first point at which a margin falls below its stop limit, or cannot be proved to be above it."""
-
-    time_s: float
-    cause: int
-    value: float
-    limit: float
-    joints: Floats
-    pose: Floats
-    text: str
-
-
-Minima = tuple[tuple[float, float], ...]
-"""Smallest certified value and its time, s, per margin, in the order of `margins.MARGIN_KINDS`; infinite for margins
-that the robot does not have."""
-
-
-class Certificate(NamedTuple):
-    """Result of a certification."""
-
-    violation: Violation | None
-    minima: Minima
-    """Minima until the violation, if there is one: the motion after it was not examined. `survey` examines it."""
-
-    @property
-    def safe(self) -> bool:
-        return self.violation is None
-
-
 def certify(
     robot: Robot,
     settings: Settings,
@@ -88,90 +58,20 @@ def certify(
     begin: Posture | None = None,
     prediction_delay_s: float | None = None,
 ) -> Certificate:
-    """Certify a motion. times_s: (N,) s, increasing. positions: (N, n) rad or m. velocities: (N, n) or empty.
+    """Certify a motion of the joints, also between its points.
 
+    times_s: (N,) s, increasing. positions: (N, n) rad or m. velocities: (N, n) rad/s or m/s; empty: straight segments.
     assembly_mode: of the start; 0: that of the settings. limits: least values of the margins; left out: the stop
     limits. begin: a posture near the start on the branch of the motion, if it is known better than by a label.
     prediction_delay_s: time that the robot moves without supervision, at least two sample periods, if the motion has to
-    pass a supervisor; left out: only the path itself is certified. Raises BadTrajectory.
+    pass a supervisor; left out: only the path itself is certified. Returns the smallest certified margins and the first
+    violation, of a margin or of a joint range. Raises BadTrajectory for malformed points, and for an assembly mode that
+    the mechanism does not have.
     """
-    motion = Motion(len(robot.mechanism.joints), times_s, positions, velocities)
+    motion = JointSegments(len(robot.mechanism.joints), times_s, positions, velocities)
     walk = Walk(robot, settings, motion, assembly_mode, limits, begin, prediction_delay_s)
     found = [one for one in (walk.start() or walk.onwards(0), walk.leaving()) if one is not None]
     return Certificate(min(found, key=lambda one: one.time_s, default=None), walk.minima)
-
-
-class Motion:
-    """Cubic or straight segments, and bounds of the joints over parts of them."""
-
-    def __init__(
-        self, n: int, times_s: Sequence[float], positions: Sequence[Sequence[float]], rates: Sequence[Sequence[float]]
-    ) -> None:
-        try:
-            self.times = np.array(times_s, dtype=float)
-            self.q = np.array(positions, dtype=float).reshape(len(self.times), -1)
-            self.v = np.array(rates, dtype=float).reshape(len(self.times), -1) if len(rates) else None
-        except ValueError:
-            raise BadTrajectory("each time needs positions, and velocities or none, one per joint") from None
-        if len(self.times) < 1 or self.q.shape[1] != n or (self.v is not None and self.v.shape[1] != n):
-            raise BadTrajectory(f"a trajectory needs points with {n} positions (and {n} velocities or none)")
-        if not (np.isfinite(self.times).all() and (np.diff(self.times) > 0.0).all()):
-            raise BadTrajectory("the times must be finite and increase")
-        if not (np.isfinite(self.q).all() and (self.v is None or np.isfinite(self.v).all())):
-            raise BadTrajectory("positions and velocities must be finite")
-        self.low, self.high = self._ranges()
-
-    def _ranges(self) -> tuple[Array, Array]:
-        """Exact bounds of each joint over each segment: ends, and where the cubic's rate is zero."""
-        a, b = self.q[:-1], self.q[1:]
-        low, high = np.minimum(a, b), np.maximum(a, b)
-        if self.v is None or not len(a):
-            return low, high
-        c1, c2, c3 = self._cubic
-        with np.errstate(invalid="ignore", divide="ignore"):
-            root = np.sqrt(c2 * c2 - 3.0 * c1 * c3)
-            half = -(c2 + np.copysign(root, c2))  # no cancellation
-            for u in (half / (3.0 * c3), c1 / half):
-                inner = np.where((u > 0.0) & (u < 1.0), a + u * (c1 + u * (c2 + u * c3)), a)
-                low, high = np.minimum(low, inner), np.maximum(high, inner)
-        return low, high
-
-    @cached_property
-    def _cubic(self) -> tuple[Array, Array, Array]:
-        """Coefficients over the unit interval: q = a + u (c1 + u (c2 + u c3))."""
-        assert self.v is not None
-        dt = np.diff(self.times)[:, np.newaxis]
-        rise = np.diff(self.q, axis=0)
-        c1 = self.v[:-1] * dt
-        end = self.v[1:] * dt
-        return c1, 3.0 * rise - 2.0 * c1 - end, c1 + end - 2.0 * rise
-
-    def part(self, segment: int, start: float, end: float) -> tuple[Array, Array]:
-        """Bounds of the joints over a part of a segment, in shares 0..1 of its time (interval evaluation)."""
-        a = self.q[segment]
-        if self.v is None:
-            rise = self.q[segment + 1] - a
-            first, last = a + start * rise, a + end * rise
-            return np.minimum(first, last), np.maximum(first, last)
-        c1, c2, c3 = (c[segment] for c in self._cubic)
-        middle, half = 0.5 * (start + end), 0.5 * (end - start)
-        value = a + middle * (c1 + middle * (c2 + middle * c3))
-        slope = np.abs(c1 + middle * (2.0 * c2 + 3.0 * middle * c3))
-        bend = np.abs(2.0 * c2 + 6.0 * middle * c3)
-        reach = half * (slope + half * (0.5 * bend + half * np.abs(c3)))  # Taylor, exact for a cubic
-        return value - reach, value + reach
-
-    def rates(self, segment: int, start: float, end: float) -> tuple[Array, Array]:
-        """Bounds of the joint velocities over a part of a segment."""
-        dt = float(self.times[segment + 1] - self.times[segment])
-        if self.v is None:
-            rate = (self.q[segment + 1] - self.q[segment]) / dt
-            return rate, rate
-        c1, c2, c3 = (c[segment] for c in self._cubic)
-        middle, half = 0.5 * (start + end), 0.5 * (end - start)
-        value = c1 + middle * (2.0 * c2 + 3.0 * middle * c3)
-        reach = half * (np.abs(2.0 * c2 + 6.0 * middle * c3) + 3.0 * half * np.abs(c3))
-        return (value - reach) / dt, (value + reach) / dt
 
 
 class Walk:
@@ -181,7 +81,7 @@ class Walk:
         self,
         robot: Robot,
         settings: Settings,
-        motion: Motion,
+        motion: JointSegments,
         assembly_mode: int,
         limits: Margins | None = None,
         begin: Posture | None = None,

@@ -13,7 +13,8 @@ from irsbot_supervisor.core.supervisor import Supervisor
 from irsbot_supervisor.replay import judgement
 from irsbot_supervisor.replay.judged import Judged
 from irsbot_supervisor.replay.quiet.strides import QuietRows
-from irsbot_supervisor.replay.rejudge import Assumption, Recording, judge_again
+from irsbot_supervisor.replay.recording import Recording
+from irsbot_supervisor.replay.rejudge import Assumption, judge_again
 from irsbot_supervisor.replay.run_figures import summary
 from irsbot_supervisor.replay.series import Series
 

@@ -22,7 +22,7 @@ from irsbot_supervisor.bag.joint_columns import Values
 from irsbot_supervisor.core.margins import Margins
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.core.stopping import SMALLER, WIDER, Known, StoppingPredictor, limits_of, release_of
-from irsbot_supervisor.replay.quiet.motion import Rows
+from irsbot_supervisor.replay.quiet.filters import Rows
 from irsbot_supervisor.replay.quiet.postures import GUARD, assembled, four_margins
 from irsbot_supervisor.replay.quiet.suspicion import Mask
 

@@ -22,7 +22,8 @@ from irsbot_supervisor.core.margins import margins_of
 from irsbot_supervisor.core.report import Moment
 from irsbot_supervisor.core.supervisor import FOREVER, Supervisor
 from irsbot_supervisor.core.validation import Accepted
-from irsbot_supervisor.replay.quiet.motion import History, Longest, Motion
+from irsbot_supervisor.replay.quiet.filters import Longest
+from irsbot_supervisor.replay.quiet.motion import History, Motion
 from irsbot_supervisor.replay.quiet.suspicion import Mask
 
 

@@ -9,13 +9,11 @@ Arrays hold one joint after the other, (n, N): numbers of one joint for many sam
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from math import floor, sqrt
-from typing import Any, NamedTuple
+from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from irsbot_kinematics.mechanism import Coordinate
 from irsbot_msgs_py.stamps import NS_PER_S
@@ -25,9 +23,8 @@ from irsbot_supervisor.core.estimation.observer import stamped_errors
 from irsbot_supervisor.core.estimation.sample_interval import JUDGING_S, SETTLING
 from irsbot_supervisor.core.reachable_box import position_error
 from irsbot_supervisor.core.settings import OVERSPEED, Settings
+from irsbot_supervisor.replay.quiet.filters import Longest, Rows, column_of, growing, kept_from, second_largest
 from irsbot_supervisor.replay.quiet.suspicion import Mask, Suspicions, suspicions
-
-Rows = NDArray[np.intp]
 
 NEAR = 3.0
 """rad: smaller differences of angles are their own remainder."""
@@ -38,14 +35,6 @@ suspected of it."""
 
 FARTHEST_ROW = 100.0
 """rad or m: positions beyond are left to the supervisor: there sines lose digits."""
-
-
-class Longest(NamedTuple):
-    """State of `SecondLargest`."""
-
-    since_ns: int | None
-    now: tuple[float, float]
-    before: tuple[float, float]
 
 
 class History(NamedTuple):
@@ -95,21 +84,21 @@ class MotionColumns:
     def __init__(self, settings: Settings, joints: tuple[Coordinate, ...]) -> None:
         self._settings, self._joints = settings, joints
         self._angles = np.array([[joint.is_angle] for joint in joints])
-        turns = _each([joint.turn for joint in joints])
-        self._fastest, self._gain = _each(settings.velocity_limit), _each(settings.acceleration_limit)
-        self._brake = _each(settings.deceleration_limit)
+        turns = column_of([joint.turn for joint in joints])
+        self._fastest, self._gain = column_of(settings.velocity_limit), column_of(settings.acceleration_limit)
+        self._brake = column_of(settings.deceleration_limit)
         errors = stamped_errors(settings)
-        self._errors = _each([2.0 * error for error in errors])
+        self._errors = column_of([2.0 * error for error in errors])
         pairs = list(zip(errors, settings.acceleration_limit, strict=True))
         self._window_ns = round(max(sqrt(4.0 * e / a) for e, a in pairs) * NS_PER_S)
         self._reported_ns = max(round((4.0 * e / a) ** 0.5 * NS_PER_S) for e, a in pairs)
         self._told_s = float(((0.5 * turns - self._errors) / self._fastest).min())
         half = position_error(settings)
-        self._box_errors = _each([half + settings.stamp_jitter_s * v for v in settings.velocity_limit])
-        self._jump = _each(
+        self._box_errors = column_of([half + settings.stamp_jitter_s * v for v in settings.velocity_limit])
+        self._jump = column_of(
             [settings.encoder_resolution + 2.0 * settings.stamp_jitter_s * v for v in settings.velocity_limit]
         )
-        self._lower, self._upper = _each(settings.position_lower), _each(settings.position_upper)
+        self._lower, self._upper = column_of(settings.position_lower), column_of(settings.position_upper)
 
     def over(self, block: JointColumns, history: History) -> Motion:
         """Estimates of samples that follow the history. block: positions and velocities in the order of the robot."""
@@ -140,9 +129,9 @@ class MotionColumns:
         if history.learned_ns is not None:
             regular &= (block.seen_ns - history.learned_ns) / NS_PER_S >= SETTLING * settings.stale_s
 
-        observed = _kept_from(stamps, row, self._window_ns, history.observed)
+        observed = kept_from(stamps, row, self._window_ns, history.observed)
         forward, backward = self._speeds(stamps, positions, row, observed, history, regular)
-        reported = _kept_from(stamps, row, self._reported_ns, history.reported)
+        reported = kept_from(stamps, row, self._reported_ns, history.reported)
         self._compare(stamps, positions, velocities, row, reported, forward, backward, regular)
         expected, since, longest = self._expected(block.seen_ns, passed, stamped, history)
         delay = expected + age / NS_PER_S
@@ -199,8 +188,8 @@ class MotionColumns:
             asked &= ~((back == count) | (age >= self._window_ns))
             back = np.minimum(2 * back, count)
         gains = self._gain * ((stamp - stamps[row[0] - 1 : -1]) / NS_PER_S)
-        forward, before = _growing(forward, gains, history.forward)
-        backward, earlier = _growing(backward, gains, history.backward)
+        forward, before = growing(forward, gains, history.forward)
+        backward, earlier = growing(backward, gains, history.backward)
         assert least is not None
         regular &= ((-least[1] <= before) & (-least[0] <= earlier)).all(0)
         return forward, backward
@@ -231,7 +220,7 @@ class MotionColumns:
         """Time until the next sample is judged, and the memory of long intervals."""
         settings = self._settings
         gap = np.where((passed < stamped) & (stamped <= settings.stale_s), stamped, passed)
-        second, since, longest = _second_largest(seen, gap, SETTLING * settings.stale_s * NS_PER_S, history.longest)
+        second, since, longest = second_largest(seen, gap, SETTLING * settings.stale_s * NS_PER_S, history.longest)
         most = np.maximum(np.where(second == 0.0, gap, second), settings.sample_gap_s)
         return most + np.maximum(settings.judging_s, np.minimum(most, JUDGING_S)), since, longest
 
@@ -251,11 +240,6 @@ class MotionColumns:
         return rest
 
 
-def _each(values: Sequence[float]) -> Values:
-    """Numbers of the joints as a column."""
-    return np.array(values)[:, np.newaxis]
-
-
 def _raised(forward: Values, backward: Values, suspected: Suspicions) -> tuple[Values, Values]:
     """Bounds of the speeds where a joint whose position may be frozen may move as the message says."""
     if not suspected.rates:
@@ -265,49 +249,3 @@ def _raised(forward: Values, backward: Values, suspected: Suspicions) -> tuple[V
     forward[:, rows] = np.maximum(forward[:, rows], rates)
     backward[:, rows] = np.maximum(backward[:, rows], -rates)
     return forward, backward
-
-
-def _kept_from(stamps: Times, row: Rows, window_ns: int, begin: int) -> Rows:
-    """First row that is kept after each row: the last one that is at least a window old, but never the row itself."""
-    found = np.searchsorted(stamps, stamps[row] - window_ns, side="right") - 1
-    return np.clip(found, begin, row - 1)
-
-
-def _growing(most: Values, gains: Values, begin: tuple[float, ...]) -> tuple[Values, Values]:
-    """Bounds x_n = min(x_(n-1) + gain_n, most_n), and those before. The bound of one row reaches the next ones as long
-    as it is lower than theirs: the rows are lowered until none changes."""
-    found = most
-    while True:
-        before = np.concatenate([_each(begin), found[:, :-1]], axis=1)
-        lower = np.minimum(before + gains, most)
-        if np.array_equal(lower, found, equal_nan=True):
-            return found, before
-        found = lower
-
-
-def _second_largest(seen: Times, values: Values, span_ns: float, state: Longest) -> tuple[Values, Times, Values]:
-    """`SecondLargest.second` for many values, and its state after each: (N,) begin of the span, (N, 4) largest and
-    second-largest of this span and of the one before."""
-    since_ns, (a, b), (c, d) = state
-    since_ns = int(seen[0]) if since_ns is None else since_ns
-    count, at = len(seen), 0
-    since, largest = np.empty(count, np.int64), np.empty((count, 4))
-    while at < count:
-        late_ns = int(seen[at]) - since_ns
-        if late_ns > span_ns:
-            c, d = (a, b) if late_ns <= 2.0 * span_ns else (0.0, 0.0)
-            a, b, since_ns = 0.0, 0.0, int(seen[at])
-        end = max(int(np.searchsorted(seen, since_ns + floor(span_ns), side="right")), at + 1)
-        part, rows = values[at:end], slice(at, end)
-        most = np.maximum(np.maximum.accumulate(part), a)
-        earlier = np.concatenate([[a], most[:-1]])
-        largest[rows, 0], largest[rows, 2], largest[rows, 3], since[rows] = most, c, d, since_ns
-        largest[rows, 1] = np.maximum(np.maximum.accumulate(np.minimum(part, earlier)), b)
-        (a, b), at = largest[end - 1, :2].tolist(), end
-    a_s, b_s, c_s, d_s = largest.T
-    return np.where(a_s >= c_s, np.maximum(b_s, c_s), np.maximum(a_s, d_s)), since, largest
-
-
-def selected(columns: Any, order: list[int]) -> Any:
-    """Columns (N, n) in another order."""
-    return columns if order == list(range(columns.shape[1])) else np.ascontiguousarray(columns[:, order])

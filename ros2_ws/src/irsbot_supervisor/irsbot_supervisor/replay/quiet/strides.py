@@ -26,7 +26,7 @@ from irsbot_supervisor.core.stopping import release_of
 from irsbot_supervisor.core.supervisor import Supervisor
 from irsbot_supervisor.replay.quiet.boxes import Boxes
 from irsbot_supervisor.replay.quiet.handover import agrees, hand_over, history, is_quiet
-from irsbot_supervisor.replay.quiet.motion import History, MotionColumns, selected
+from irsbot_supervisor.replay.quiet.motion import History, MotionColumns
 from irsbot_supervisor.replay.quiet.postures import GUARD, PostureColumns, four_margins, postures
 
 SHIPPED = "irsbot_kinematics.mechanisms."
@@ -98,16 +98,7 @@ class Strides:
 
     def _block(self, columns: JointColumns, before: History) -> int:
         """Judge samples of one block; returns how many."""
-        supervisor, order = self._supervisor, [columns.names.index(name) for name in self._names]
-        joints = JointColumns(
-            self._names,
-            columns.stamp_ns,
-            columns.received_ns,
-            columns.seen_ns,
-            selected(columns.position, order),
-            selected(columns.velocity, order),
-            selected(columns.effort, order) if columns.effort.shape[1] else columns.effort,
-        )
+        supervisor, joints = self._supervisor, columns.of_joints(self._names)
         assessor = supervisor._assessor
         with np.errstate(all="ignore"):
             motion = self._motion.over(joints, before)

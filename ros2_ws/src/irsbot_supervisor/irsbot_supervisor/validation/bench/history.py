@@ -17,16 +17,16 @@ Facts = Mapping[str, Any]
 """What `bench --json` prints."""
 
 
-def append(file: Path, facts: Facts) -> list[Facts]:
-    """Add a benchmark at the end of a file, new or not. Returns all of them. Raises BadInput, OSError."""
-    earlier = read(file) if file.exists() else []
+def append(file: Path, facts: Facts) -> None:
+    """Add a benchmark at the end of a file, new or not. Raises OSError."""
     with file.open("a", encoding="utf-8") as opened:
         opened.write(json.dumps(facts, allow_nan=False) + "\n")
-    return [*earlier, facts]
 
 
 def read(file: Path) -> list[Facts]:
-    """All benchmarks of a file. Raises BadInput for a line that is none, OSError."""
+    """All benchmarks of a file, none of one that does not exist. Raises BadInput for a line that is none, OSError."""
+    if not file.exists():
+        return []
     found = []
     for number, line in enumerate(file.read_text(encoding="utf-8").splitlines(), 1):
         try:

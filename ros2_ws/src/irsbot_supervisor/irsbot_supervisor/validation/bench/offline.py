@@ -8,7 +8,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
-from irsbot_supervisor.bag.bag import BagWriter
+from irsbot_supervisor.bag.bag_writer import BagWriter
 from irsbot_supervisor.core.supervisor import Supervisor
 from irsbot_supervisor.replay.judgement import judge_bag
 from irsbot_supervisor.validation.bench.motion import recorded

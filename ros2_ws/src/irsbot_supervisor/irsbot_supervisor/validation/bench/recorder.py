@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 
 import psutil
 
-from irsbot_supervisor.bag.bag import Bag, BagWriter
+from irsbot_supervisor.bag.bag import Bag
+from irsbot_supervisor.bag.bag_writer import BagWriter
 from irsbot_supervisor.bag.salvage import salvage
 from irsbot_supervisor.processes.suite import RECORDER, SUPERVISOR, Node, Suite, SuiteError, free_domain
 from irsbot_supervisor.validation.bench.motion import recorded

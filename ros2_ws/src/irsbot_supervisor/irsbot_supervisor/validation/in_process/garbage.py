@@ -11,7 +11,8 @@ from math import inf, isfinite, nan
 
 import numpy as np
 
-from irsbot_msgs_py.cdr import CdrError, decode_joint_state, encode_joint_state
+from irsbot_msgs_py.cdr import decode_joint_state, encode_joint_state
+from irsbot_msgs_py.errors import CdrError
 from irsbot_msgs_py.records import JointSample, Level, SingularityState
 from irsbot_supervisor.validation.harness.motion import PERIOD_S, works
 from irsbot_supervisor.validation.harness.rows import Job, Row, Tally

@@ -15,7 +15,7 @@ from irsbot_msgs_py.cdr import decode_verdict
 from irsbot_msgs_py.records import Floats, Level
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.bag.bag import Bag
-from irsbot_supervisor.bag.mcap_writer import BagError
+from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.configuration.loading import read_settings
 from irsbot_supervisor.processes.suite import (
     JOINTS,
@@ -27,7 +27,7 @@ from irsbot_supervisor.processes.suite import (
     SuiteError,
     free_domain,
 )
-from irsbot_supervisor.replay.rejudge import Recording, read_recording
+from irsbot_supervisor.replay.recording import Recording, read_recording
 from irsbot_supervisor.sim.simulation import Simulation
 from irsbot_supervisor.validation.harness.rows import RECOVERY_S, TO_STOP_S, Job, Row, Tally
 

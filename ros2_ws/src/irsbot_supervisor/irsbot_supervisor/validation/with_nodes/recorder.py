@@ -19,8 +19,8 @@ from mcap.records import Chunk, Message
 from mcap.stream_reader import breakup_chunk
 
 from irsbot_msgs_py.records import Cause, JointSample, SingularityState, unknown_state
-from irsbot_supervisor.bag.bag import BagWriter
-from irsbot_supervisor.bag.mcap_writer import BagError
+from irsbot_supervisor.bag.bag_writer import BagWriter
+from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.bag.salvage import salvage
 from irsbot_supervisor.validation.harness.rows import Job, Row, Tally
 

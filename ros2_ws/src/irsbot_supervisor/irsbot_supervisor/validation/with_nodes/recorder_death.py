@@ -19,7 +19,7 @@ from typing import Any
 
 from irsbot_msgs_py.cdr import encode_joint_state, encode_state
 from irsbot_supervisor.bag.bag import Bag
-from irsbot_supervisor.bag.mcap_writer import BagError
+from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.bag.salvage import salvage
 from irsbot_supervisor.processes.suite import RECORDER, SuiteError, free_domain
 from irsbot_supervisor.validation.harness.rows import Job, Row, Tally

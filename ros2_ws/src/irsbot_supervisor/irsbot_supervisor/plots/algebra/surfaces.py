@@ -9,7 +9,7 @@ import numpy as np
 
 from irsbot_kinematics.algebra.model.polynomial import Polynomial
 from irsbot_kinematics.algebra.model.system import System
-from irsbot_supervisor.plots.algebra import BRANCHES, label_of
+from irsbot_supervisor.plots.algebra.style import BRANCHES, label_of
 
 GRID = 40
 """1: nodes along each axis of the page."""

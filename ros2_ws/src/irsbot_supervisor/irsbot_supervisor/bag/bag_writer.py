@@ -1,0 +1,120 @@
+"""Writes bags as `ros2 bag` does: a folder with metadata.yaml, or one MCAP file. Needs message definitions, not ROS."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import yaml
+
+from irsbot_supervisor.bag.bag_files import CONFIGURATION, METADATA
+from irsbot_supervisor.bag.entries import ENCODERS, LATCHED, Record
+from irsbot_supervisor.bag.errors import BagError
+from irsbot_supervisor.bag.mcap_writer import McapWriter
+from irsbot_supervisor.bag.topics import Topic, installed_topic
+
+
+class BagWriter:
+    """Writes a new bag. A target with the suffix .mcap becomes one file, any other a directory with metadata.yaml."""
+
+    def __init__(self, target: Path, compression: str = "") -> None:
+        """Create the bag; the target must not exist. compression: of the chunks, "" or "zstd". Raises BagError."""
+        self._folder = None if target.suffix == ".mcap" else target
+        if self._folder is not None:
+            if target.exists() and (not target.is_dir() or any(target.iterdir())):
+                raise BagError(f"'{target}' exists already: a bag needs a new or empty directory")
+            try:
+                target.mkdir(parents=True, exist_ok=True)
+            except OSError as error:
+                raise BagError(f"cannot create '{target}': {error.strerror}") from None
+            target = target / f"{target.name}_0.mcap"
+        self.file = McapWriter(target, compression)
+        self.write = self.file.write
+        self.flush = self.file.flush
+        self._channels: dict[str, int] = {}
+        self._topics: list[Topic] = []
+        self._schemas: dict[str, int] = {}
+
+    def channel(self, topic: Topic) -> int:
+        """The channel of a topic, for `write`."""
+        if topic.name not in self._channels:
+            if topic.type not in self._schemas:
+                self._schemas[topic.type] = self.file.add_schema(topic.type, topic.text)
+            offered = yaml.safe_dump(topic.offered, sort_keys=False)
+            known = {"offered_qos_profiles": offered, "topic_type_hash": topic.type_hash}
+            self._channels[topic.name] = self.file.add_channel(topic.name, self._schemas[topic.type], known)
+            self._topics.append(topic)
+        return self._channels[topic.name]
+
+    def add(self, topic: str, record: Record, log_ns: int) -> None:
+        """Write one record that was received at log_ns (ROS clock)."""
+        kind, encode = ENCODERS[type(record)]
+        channel = self._channels.get(topic)
+        if channel is None:
+            channel = self.channel(installed_topic(topic, kind, latched=kind in LATCHED))
+        self.write(channel, log_ns, log_ns, encode(record))
+
+    def add_configuration(self, values: Mapping[str, Any], config_hash: str, log_ns: int) -> None:
+        """Store the supervisor's configuration in the file, with the hash that its verdicts carry."""
+        text = yaml.safe_dump({**values}, sort_keys=False)
+        self.file.attach(CONFIGURATION, "application/yaml", text.encode(), log_ns)
+        self.file.add_metadata("irsbot", {"config_hash": config_hash})
+
+    def close(self) -> None:
+        """Finish the file, then write metadata.yaml beside it. Raises BagError; the data written before stays
+        readable."""
+        self.file.close()
+        if self._folder is not None:
+            text = yaml.safe_dump({"rosbag2_bagfile_information": self._information()}, sort_keys=False)
+            part = self._folder / f"{METADATA}.part"
+            try:
+                part.write_text(text)
+                os.replace(part, self._folder / METADATA)
+            except OSError as error:
+                raise BagError(f"cannot write '{self._folder / METADATA}': {error.strerror}") from None
+
+    def __enter__(self) -> BagWriter:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _information(self) -> dict[str, Any]:
+        """The content of metadata.yaml, version 9 as ROS 2 Jazzy writes it."""
+        return {
+            "version": 9,
+            "storage_identifier": "mcap",
+            **self._extent(),
+            "topics_with_message_count": [
+                {
+                    "topic_metadata": {
+                        "name": topic.name,
+                        "type": topic.type,
+                        "serialization_format": "cdr",
+                        "offered_qos_profiles": topic.offered,
+                        "type_description_hash": topic.type_hash,
+                    },
+                    "message_count": self.file.counts.get(self._channels[topic.name], 0),
+                }
+                for topic in self._topics
+            ],
+            "compression_format": "",
+            "compression_mode": "",
+            "relative_file_paths": [self.file.path.name],
+            "files": [{"path": self.file.path.name, **self._extent()}],
+            "custom_data": None,
+            "ros_distro": "jazzy",
+        }
+
+    def _extent(self) -> dict[str, Any]:
+        start_ns = self.file.start_ns or 0
+        return {
+            "starting_time": {"nanoseconds_since_epoch": start_ns},
+            "duration": {"nanoseconds": self.file.end_ns - start_ns},
+            "message_count": self.file.message_count,
+        }
