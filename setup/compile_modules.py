@@ -27,6 +27,9 @@ GROUPS = {
         "irsbot_kinematics/numerics/arithmetic.py",
         "irsbot_kinematics/bounds/displacement.py",
         "irsbot_kinematics/bounds/boxes.py",
+        "irsbot_kinematics/bounds/quadratics.py",
+        "irsbot_kinematics/bounds/sizes.py",
+        "irsbot_kinematics/bounds/type2_over_box.py",
         "irsbot_kinematics/mechanisms/[a-z]*.py",
     ),
     "irsbot_supervisor_compiled": (

@@ -60,6 +60,8 @@ BOUNDS: dict[str, tuple[str, ...]] = {
     "displacement": ("displacement_inequalities", "displacement", "geometry_errors"),
     "boxes": ("box_rods", "boxes", "geometry_errors"),
     "quadratics": ("quadratics", "box_rods", "boxes"),
+    "sizes": ("box_rods", "bounds_of_many", "boxes"),
+    "type2_over_box": ("box_rods", "boxes", "geometry_errors"),
     "columns": ("bounds_of_many",),
 }
 

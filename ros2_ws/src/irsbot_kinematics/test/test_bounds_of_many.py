@@ -7,8 +7,8 @@ import pytest
 from postures import NAMES, ROBOTS, random_joints
 
 import irsbot_kinematics as irs
-from irsbot_kinematics.bounds.boxes import least_singular
 from irsbot_kinematics.bounds.columns import least_singular_many
+from irsbot_kinematics.bounds.sizes import least_singular
 from irsbot_kinematics.mechanisms.planar_pair import PlanarPair
 from irsbot_kinematics.numerics.arithmetic import ARRAYS
 

@@ -14,7 +14,8 @@ from rod_machines import Array, Machine, closed, units
 from scipy.optimize import lsq_linear, minimize
 
 import irsbot_kinematics as irs
-from irsbot_kinematics.bounds.boxes import Change, Rod, distances, least_singular, reached
+from irsbot_kinematics.bounds.boxes import Change, Rod, reached
+from irsbot_kinematics.bounds.sizes import distances, least_singular
 from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2
 from irsbot_kinematics.mechanisms.irsbot2_space.geometry import Irsbot2Geometry
 

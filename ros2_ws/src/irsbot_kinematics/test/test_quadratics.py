@@ -5,16 +5,30 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from irsbot_kinematics.bounds.quadratics import Quadratic, terms
+from irsbot_kinematics.bounds.quadratics import (
+    besides,
+    combined,
+    corner_values,
+    dot,
+    largest,
+    least,
+    minus,
+    multiplied,
+    numbers,
+    plus,
+    polynomial,
+    scaled,
+)
 
 SAMPLES = 400
 
 
-def random_quantities(rng, n, m, *shape):
+def random_quantity(rng, n, m):
     """Coefficients of very different sizes, some of them 0."""
-    t = terms(n, m)
-    p = rng.normal(size=(t.number, *shape)) * 10.0 ** rng.uniform(-2.0, 0.0, (t.number, *shape))
-    return Quadratic(t, p * (rng.uniform(size=p.shape) < 0.7), rng.uniform(size=shape) * rng.integers(0, 2) * 0.1)
+    a = rng.normal(size=numbers(n, m)) * 10.0 ** rng.uniform(-2.0, 0.0, numbers(n, m))
+    a *= rng.uniform(size=len(a)) < 0.7
+    a[-1] = rng.uniform() * rng.integers(0, 2) * 0.1
+    return a.tolist()
 
 
 def points(rng, n, m):
@@ -28,56 +42,71 @@ def monomials(s, x):
     """(K, N) written out."""
     n = s.shape[1]
     squares = [s[:, j] ** 2 for j in range(n)]
-    mixed = [s[:, j] * s[:, k] for j in range(n) for k in range(j + 1, n)]
+    mixed = [s[:, j] * s[:, k] for k in range(n) for j in range(k)]
     return np.column_stack([np.ones(len(s)), s, *squares, *mixed, x])
 
 
-def values(quantity, at, e):
-    """(K, ..) with a share e (K, ..) of the rest."""
-    return np.tensordot(at, quantity.p, 1) + e * quantity.rest
+def values(a, at, e=0.0):
+    """(K,) with a share e (K,) of the rest."""
+    return at @ a[:-1] + e * a[-1]
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 4])
 def test_products_sums_and_sizes_hold_for_all_joints_and_remainders(n):
     rng, used = np.random.default_rng(50), []
-    for m in [0, n] * 30:
-        a, b = random_quantities(rng, n, m, 2, 3), random_quantities(rng, n, m, 1, 3)
+    for m in [0, n] * 150:
+        a, b, c, d = (random_quantity(rng, n, m) for _ in range(4))
         at = monomials(*points(rng, n, m))
-        e, f = np.sign(rng.normal(size=(SAMPLES, 2, 3))), np.sign(rng.normal(size=(SAMPLES, 1, 3)))
-        x, y = values(a, at, e), values(b, at, f)
-        product = a * b
-        off = np.abs(x * y - values(product, at, 0.0 * e))
-        assert (off <= product.rest + 1e-12).all()
-        used.append((off.max(0) / (product.rest + 1e-12)).max())
+        x, y, z, w = (values(q, at, np.sign(rng.normal(size=SAMPLES))) for q in (a, b, c, d))
+        factors = rng.normal(size=3).tolist()
         for exact, stated in (
-            (x + y, a + b),
-            (x - y, a - b),
-            (x.sum(1), a.sum(0)),
-            (-3.0 * x, a.times(np.array(-3.0))),
+            (x * y, multiplied(n, a, b)),
+            (x * y + z * w, dot(n, [a, c], [b, d])),
+            (x + y, plus(a, b)),
+            (x - y, minus(a, b)),
+            (-3.0 * x, scaled(a, -3.0)),
+            (np.array(factors) @ [x, y, z], combined(factors, [a, b, c])),
         ):
-            assert (np.abs(exact - np.tensordot(at, stated.p, 1)) <= stated.rest + 1e-12).all()
-            assert (np.abs(exact) <= stated.largest() + 1e-12).all()
-        linear = np.tensordot(at[:, : 1 + n], a.p[: 1 + n], 1)
-        assert (np.abs(x - linear) <= a.besides() + 1e-12).all()
+            off = np.abs(exact - values(stated, at))
+            assert (off <= stated[-1] + 1e-12).all()
+            used.append((off / (stated[-1] + 1e-12)).max())
+        assert (np.abs(x) <= largest(a) + 1e-12).all()
+        linear = at[:, : 1 + n] @ a[: 1 + n]
+        assert (np.abs(x - linear) <= besides(n, a) + 1e-12).all()
     assert np.max(used) > 0.9
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4])
+def test_values_at_the_corners_are_those_of_the_polynomial(n):
+    a = random_quantity(np.random.default_rng(52), n, n)
+    corners = np.array([[1.0 if corner >> j & 1 else -1.0 for j in range(n)] for corner in range(2**n)])
+    exact = monomials(corners, np.zeros((2**n, n))) @ a[:-1]
+    np.testing.assert_allclose(corner_values(n, a), exact, rtol=0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 4])
 def test_nothing_is_below_the_least_value(n):
     """And it is met, where no joint has to weigh two squares against one another."""
     rng, over = np.random.default_rng(51), []
-    for _ in range(60):
-        x = random_quantities(rng, n, 2, 5)
+    for _ in range(300):
+        a = random_quantity(rng, n, 2)
         s, others = points(rng, n, 2)
         s[: SAMPLES // 2, 0] = np.linspace(-1.0, 1.0, SAMPLES // 2)
-        least = x.least()
-        met = values(x, monomials(s, np.sign(others)), -1.0 * np.ones((SAMPLES, 5))).min(0)
-        assert (met >= least - 1e-12).all()
-        over.append(np.median(met - least) / np.abs(x.p).sum(0).mean())
+        worst = -np.sign(a[polynomial(n) : -1]) * np.abs(np.sign(others))
+        met = values(a, monomials(s, np.where(rng.uniform(size=worst.shape) < 0.9, worst, others)), -1.0).min()
+        assert met >= least(n, a) - 1e-12
+        over.append((met - least(n, a)) / max(np.abs(a).sum(), 1e-12))
     assert np.median(over) < (0.02 if n < 3 else 0.1)
 
 
 def test_the_least_value_of_a_parabola_is_inside():
-    t = terms(1, 0)
-    found = Quadratic(t, np.array([[1.0, 1.0, 1.0], [0.5, 3.0, 0.5], [1.0, 1.0, -1.0]]), np.zeros(3)).least()
+    found = [least(1, [1.0, slope, square, 0.0]) for slope, square in ((0.5, 1.0), (3.0, 1.0), (0.5, -1.0))]
     np.testing.assert_allclose(found, [1.0 - 0.0625, -1.0, -0.5])
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf])
+def test_a_number_that_is_not_finite_has_no_least_value(wrong):
+    for place in range(numbers(2, 1)):
+        a = [1.0] * numbers(2, 1)
+        a[place] = wrong
+        assert np.isnan(least(2, a))

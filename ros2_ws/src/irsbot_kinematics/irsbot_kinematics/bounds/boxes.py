@@ -23,26 +23,37 @@ inverse there.
 2. The rods. The pose is p(s) plus an effect of known direction and size at most room in every coordinate: these
    effects are kept like joints, to first order, because they act on all rods at once. That gives w_i seen from the
    base, and, turned back by R(-t), seen from the platform, where only the rods turn and the arms do not.
-3. Type 2. cos alpha_i is the sine of the angle between w_i and the line or plane across v_i, the cross product of the
+3. Type 2 (`type2_over_box`). cos alpha_i is the sine of the angle between w_i and the line or plane across v_i, the cross product of the
    other rows, moments taken where leg i holds the platform: D = w_i . v_i, cos alpha_i = |D|/(|v_i| L_i). The lengths
    of the other rods cancel. v_i and D are products of the above. In the plane tan alpha_i = |w_i x v_i|/D, so nothing
    but two quadratics is compared. The quotient is guessed from the corners; what is then certified are two lower
    bounds, that D is at least d, and that D is at least the guess times the other one less m. Both bound the quotient.
-4. The least value of a quadratic over the box (`Quadratic.least`).
+4. The least value of a quadratic over the box (`quadratics.least`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import combinations, product
+from itertools import combinations
 from math import asin, hypot, inf, sqrt
 from operator import mul
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
-
 from irsbot_kinematics import statics
-from irsbot_kinematics.bounds.quadratics import Array, Quadratic, multiplied, terms
+from irsbot_kinematics.bounds.quadratics import (
+    Quadratic,
+    besides,
+    combined,
+    dot,
+    largest,
+    minus,
+    multiplied,
+    numbers,
+    plus,
+    polynomial,
+    scaled,
+)
+from irsbot_kinematics.bounds.type2_over_box import type2_over
 
 if TYPE_CHECKING:
     from irsbot_kinematics.mechanism import Floats, Posture
@@ -79,28 +90,28 @@ class Reached(NamedTuple):
     """Bounds that hold everywhere in the box."""
 
     type2: float  # lower bound of the Type 2 margin
-    pose: Quadratic  # (m,) displacement and turn of the platform, m and rad
-    rods: Quadratic  # (dims, n) m, the rods as vectors, seen from the base
-    longest: Array  # (n,) m, of the rods
+    pose: list[Quadratic]  # displacement and turn of the platform, m and rad
+    rods: list[list[Quadratic]]  # m, the rods as vectors, seen from the base
+    longest: list[float]  # m, of the rods
 
     @property
     def moves(self) -> list[Floats]:
         """m per joint, of the platform point, to first order."""
-        return [tuple(way) for way in self._displacement.p[self.pose.terms.joints].tolist()]
+        return [tuple([x[1 + joint] for x in self._displacement]) for joint in range(len(self.rods))]
 
     @property
     def aside(self) -> float:
         """m: residual of the motion of the platform point."""
-        return hypot(*self._displacement.besides().tolist())
+        return hypot(*[besides(len(self.rods), x) for x in self._displacement])
 
     @property
     def changes(self) -> list[Change]:
         """The change of every rod."""
-        joints, found = self.rods.terms.joints, []
-        for vector, rest in zip(np.moveaxis(self.rods.p, 2, 0), self.rods.besides().T, strict=True):
-            length = hypot(*vector[0])
-            ways = (vector[joints] / length).tolist()
-            found.append(Change(ways, _largest(ways), hypot(*rest) / length))
+        found, n = [], len(self.rods)
+        for rod in self.rods:
+            length = hypot(*[x[0] for x in rod])
+            ways = [[x[1 + joint] / length for x in rod] for joint in range(n)]
+            found.append(Change(ways, _largest(ways), hypot(*[besides(n, x) for x in rod]) / length))
         return found
 
     @property
@@ -110,8 +121,8 @@ class Reached(NamedTuple):
         return asin(share) if share < 1.0 else inf
 
     @property
-    def _displacement(self) -> Quadratic:
-        return self.pose[: len(self.rods.rest)]
+    def _displacement(self) -> list[Quadratic]:
+        return self.pose[: len(self.rods[0])]
 
 
 def reached(at: Posture, rods: Sequence[Rod], arm: float = 0.0) -> Reached | None:
@@ -123,293 +134,177 @@ def reached(at: Posture, rods: Sequence[Rod], arm: float = 0.0) -> Reached | Non
     det, columns = statics.cofactors(at.screws)
     if not (abs(det) > 0.0 and all(rod.length > 0.0 for rod in rods)):
         return None
-    with np.errstate(all="ignore"):  # boxes that are far too large
-        platform = _Platform(at, rods)
-        found = platform.pose(np.array(columns).T / det)
-        if found is None:
-            return None
-        pose, seen, vectors = found
-        type2 = _type2_over(platform, seen, arm)
-    return Reached(type2 if type2 > 0.0 else 0.0, pose, vectors, platform.longest)
+    platform = _Platform(at, rods)
+    pose = platform.pose([[value / det for value in column] for column in columns])
+    if pose is None:
+        return None
+    turned, vectors = platform.vectors(pose)
+    for vector, rod in zip(vectors, rods, strict=True):
+        for x in vector:
+            x[-1] += rod.aside
+    seen = vectors if turned is None else [_turned_back(len(rods), turned, vector) for vector in vectors]
+    attachments = () if turned is None else at.attachments
+    type2 = type2_over(seen, platform.lengths, attachments, arm, platform.longest)
+    return Reached(type2, pose, vectors, platform.longest)
 
 
 class _Platform:
-    """The rods of a posture, and their dependence on pose and joints. Vectors are (dims, n), one column per leg."""
+    """The rods of a posture, and their dependence on pose and joints."""
 
     def __init__(self, at: Posture, rods: Sequence[Rod]) -> None:
-        n, dims, size = len(rods), len(rods[0].near), len(at.screws[0])
-        self.dims, self.turning = dims, size > dims
-        t = self.terms = terms(n, size)
-        each, still = np.arange(n), (0.0,) * dims
-        table = np.array([(*rod.near, *(rod.curve or still)) for rod in rods]).T
-        near, curve = table[:dims], table[dims:]
-        numbers = [(rod.length, rod.growth, rod.growth_curve, rod.growth_aside, rod.aside) for rod in rods]
-        length, growth, bend, uncertain, self.aside = np.array(numbers).T
-        self.screws = np.array(at.screws).T.copy()
-        self.attachments = np.array(at.attachments).T.copy() if self.turning else np.zeros((2, n))
-        self.lengths = length
-        self.drives = (self.screws[:dims] * near).sum(0) + growth
-        self.near = np.zeros((t.number, dims, n))
-        self.near[0] = -length * self.screws[:dims]
-        self.near[0, :2] += self.attachments[:dims]
-        self.near[1 + each, :, each] = near.T
-        self.near[1 + n + each, :, each] = curve.T
-        self.length = np.zeros((t.number, n))
-        self.length[0], self.length[1 + each, each], self.length[1 + n + each, each] = length, growth, bend
-        self.longest = length + abs(growth) + abs(bend) + uncertain
-        self.uncertain = uncertain
-        self.half = 0.5 * multiplied(t, self.length, self.length)
-        self.half_rest = abs(growth * bend) + 0.5 * bend * bend + uncertain * self.longest
-        self.half_rest += (self.longest + 0.5 * self.aside) * self.aside
+        n, dims, m = len(rods), len(rods[0].near), len(at.screws[0])
+        self.n, self.dims, self.m, self.turning = n, dims, m, m > dims
+        self.screws, self.at_rest = at.screws, [rod.length for rod in rods]
+        self.attachments = at.attachments if self.turning else ((0.0, 0.0),) * n
+        self.aside = [rod.aside for rod in rods]
+        self.near: list[list[Quadratic]] = []
+        self.drives: list[float] = []
+        self.lengths: list[Quadratic] = []
+        self.longest: list[float] = []
+        self.half: list[Quadratic] = []
+        """L^2/2, with what its error and that of the near end add to F."""
+        for i, rod in enumerate(rods):
+            ends, drive = [], rod.growth
+            for d in range(dims):
+                end = self._constant(-rod.length * at.screws[i][d] + (self.attachments[i][d] if d < 2 else 0.0))
+                end[1 + i] = rod.near[d]
+                end[1 + n + i] = rod.curve[d] if rod.curve else 0.0
+                drive += at.screws[i][d] * rod.near[d]
+                ends.append(end)
+            length = self._constant(rod.length)
+            length[1 + i], length[1 + n + i] = rod.growth, rod.growth_curve
+            half = scaled(multiplied(n, length, length), 0.5)
+            length[-1] = rod.growth_aside
+            longest = largest(length)
+            half[-1] = abs(rod.growth * rod.growth_curve) + 0.5 * rod.growth_curve * rod.growth_curve
+            half[-1] += rod.growth_aside * longest + (longest + 0.5 * rod.aside) * rod.aside
+            self.near.append(ends)
+            self.drives.append(drive)
+            self.lengths.append(length)
+            self.longest.append(longest)
+            self.half.append(half)
 
-    def vectors(self, pose: Array) -> tuple[Quadratic | None, Quadratic]:
-        """cos and sin of the turn, if there is one, and the rods (dims, n), of a pose (N, m) without remainder."""
-        t, attachments = self.terms, self.attachments
-        vectors, rest = pose[:, : self.dims, None] - self.near, np.zeros(self.near.shape[1:])
-        if not self.turning:
-            return None, Quadratic(t, vectors, rest)
-        turn = pose[:, -1]
-        first, (one, more) = turn[t.joints], (t.sizes @ abs(turn)).tolist()
-        most = one + more
-        turned = np.zeros((t.number, 2))
-        turned[:, 1], turned[0, 0] = turn, 1.0
-        turned[t.pairs, 0] = -0.5 * (t.fold @ (first[:, None] * first).ravel())
-        rests = np.array([more * (one + 0.5 * more) + most * most * most * most / 24.0, most * most * most / 6.0])
-        ways = np.array([attachments, [-attachments[1], attachments[0]]])
-        vectors[:, :2] += (turned @ ways.reshape(2, -1)).reshape(-1, *attachments.shape)
-        rest[:2] = rests[0] * abs(attachments) + rests[1] * abs(attachments[::-1])
-        return Quadratic(t, turned, rests), Quadratic(t, vectors, rest)
+    def vectors(self, pose: Sequence[Quadratic]) -> tuple[tuple[Quadratic, Quadratic] | None, list[list[Quadratic]]]:
+        """cos and sin of the turn, if there is one, and the rods, of a pose without remainder."""
+        turned, found = self._turned(pose[-1]) if self.turning else None, []
+        for near, (ax, ay) in zip(self.near, self.attachments, strict=True):
+            rod = [minus(pose[d], near[d]) for d in range(self.dims)]
+            if turned is not None:
+                rod[0] = plus(rod[0], combined((ax, -ay), turned))
+                rod[1] = plus(rod[1], combined((ay, ax), turned))
+            found.append(rod)
+        return turned, found
 
-    def pose(self, inverse: Array) -> tuple[Quadratic, Quadratic, Quadratic] | None:
-        """Pose (m,), and rods (dims, n) from the platform and from the base."""
-        t, per = self.terms, inverse / self.lengths
-        pose = np.zeros((t.number, len(inverse)))
-        pose[t.joints] = (inverse * self.drives).T
-        first = self.vectors(pose)[1].p
-        pose[t.pairs] = (self.half - 0.5 * multiplied(t, first, first).sum(1))[t.pairs] @ per.T
+    def pose(self, inverse: Sequence[Sequence[float]]) -> list[Quadratic] | None:
+        """Displacement and turn. inverse: per leg, the column of A^-1."""
+        n, pose = self.n, [self._constant(0.0) for _ in range(self.m)]
+        per = [[inverse[i][k] / self.at_rest[i] for i in range(n)] for k in range(self.m)]
+        for k, x in enumerate(pose):
+            for joint in range(n):
+                x[1 + joint] = inverse[joint][k] * self.drives[joint]
+        first = self.vectors(pose)[1]
+        short = [minus(half, scaled(dot(n, rod, rod), 0.5)) for half, rod in zip(self.half, first, strict=True)]
+        for x, shares in zip(pose, per, strict=True):
+            second = combined(shares, short)
+            for place in range(1 + n, polynomial(n)):
+                x[place] = second[place]
         room = self._rest(pose, per)
         if room is None:
             return None
-        pose[t.effects] = np.diag(room)
-        turned, rods = self.vectors(pose)
-        rods.rest += self.aside
-        seen = rods if turned is None else _turned_back(turned, rods)
-        return Quadratic(t, pose, np.zeros(len(inverse))), seen, rods
+        for k, x in enumerate(pose):
+            x[polynomial(n) + k] = room[k]
+        return pose
 
-    def _rest(self, pose: Array, per: Array) -> Array | None:
+    def _rest(self, pose: Sequence[Quadratic], per: Sequence[Sequence[float]]) -> list[float] | None:
         """(m,) bound of the residual of the pose, displacement and turn; None if there is no bound."""
-        dims, (_, vectors), size = self.dims, self.vectors(pose), abs(per)
-        squares, w = vectors * vectors, vectors.p
-        start = size @ (abs(0.5 * squares.p.sum(1) - self.half).sum(0) + 0.5 * squares.rest.sum(0) + self.half_rest)
-        # How the Jacobian, columns (w, (R c) x w), changes with the joints,
-        change, rests = w, vectors.rest
-        x, y = self.attachments
-        if self.turning:
-            change, rests = np.empty((len(w), dims + 1, len(x))), np.empty((dims + 1, len(x)))
-            change[:, :dims], rests[:dims] = w, vectors.rest
-            turn, most = pose[:, -1:], abs(pose[:, -1]).sum()
-            change[:, dims] = x * w[:, 1] - y * w[:, 0] - turn * (x * w[0, 0] + y * w[0, 1])
-            radius, moved = np.hypot(x, y), np.hypot(*(abs(w[1:, :2]).sum(0) + vectors.rest[:2]))
-            rests[dims] = abs(x) * vectors.rest[1] + abs(y) * vectors.rest[0]
-            rests[dims] += radius * most * (0.5 * most * (self.lengths + moved) + moved)
-        change[0] -= self.lengths * self.screws
-        shares = abs(change.reshape(-1, len(x)) @ per.T).reshape(-1, len(per), len(per)).sum(0).T + size @ rests.T
-        found: Array | None = start
+        n, m, rods = self.n, self.m, self.vectors(pose)[1]
+        sizes = [[abs(share) for share in shares] for shares in per]
+        errors = [
+            largest(minus(scaled(dot(n, rod, rod), 0.5), half)) for rod, half in zip(rods, self.half, strict=True)
+        ]
+        start = [_product(size, errors) for size in sizes]
+        changes = [self._change(leg, rods[leg], pose[-1]) for leg in range(n)]
+        shares = [[largest(combined(row, [change[e] for change in changes])) for e in range(m)] for row in per]
+        found: list[float] | None = start
         for _ in range(BOXES):
-            if found is None or (found := _solved(shares + size @ self._farther(found), start)) is None:
+            if found is None or (found := _solved(self._with(shares, sizes, found), start)) is None:
                 return None
-            room = WIDER * found + LEAST
-            found = np.asarray(start + (shares + size @ self._farther(room)) @ room)
-            if (found < room).all():
+            room = [WIDER * x + LEAST for x in found]
+            rows = self._with(shares, sizes, room)
+            found = [x + _product(row, room) for x, row in zip(start, rows, strict=True)]
+            if all(x < y for x, y in zip(found, room, strict=True)):
                 return found
         return None
 
-    def _farther(self, room: Array) -> Array:
-        """(n, m): and its change within the room itself: half as much on the average over a straight line through
-        it."""
-        farther = np.empty((len(self.lengths), len(room)))
-        move = hypot(*room[: self.dims].tolist())
-        if not self.turning:
-            farther[:] = 0.5 * move
-            return farther
-        turn, radius = room[-1], np.hypot(*self.attachments)
-        end = move + radius * turn
-        farther[:, :-1] = 0.5 * end[:, None]
-        farther[:, -1] = 0.5 * radius * (end + turn * (self.longest + self.aside + end))
-        return farther
+    def _change(self, leg: int, rod: Sequence[Quadratic], turn: Quadratic) -> list[Quadratic]:
+        """How a row of the Jacobian, (w, (R c) x w), changes with the joints."""
+        length, found = self.at_rest[leg], [list(x) for x in rod]
+        if self.turning:
+            x, y = self.attachments[leg]
+            moment = combined((x, -y, -(x * rod[0][0] + y * rod[1][0])), (rod[1], rod[0], turn))
+            moved, most = hypot(largest(rod[0]) - abs(rod[0][0]), largest(rod[1]) - abs(rod[1][0])), largest(turn)
+            moment[-1] += hypot(x, y) * most * (0.5 * most * (length + moved) + moved)
+            found.append(moment)
+        for change, screw in zip(found, self.screws[leg], strict=True):
+            change[0] -= length * screw
+        return found
+
+    def _with(
+        self, shares: Sequence[Sequence[float]], sizes: Sequence[Sequence[float]], room: Sequence[float]
+    ) -> list[list[float]]:
+        """(m, m) shares, and what the Jacobian changes by within the room itself: half as much on the average over a
+        straight line through it."""
+        move, farther = hypot(*room[: self.dims]), []
+        for (x, y), longest, aside in zip(self.attachments, self.longest, self.aside, strict=True):
+            if not self.turning:
+                farther.append([0.5 * move] * self.m)
+                continue
+            turn, radius = room[-1], hypot(x, y)
+            end = move + radius * turn
+            last = 0.5 * radius * (end + turn * (longest + aside + end))
+            farther.append([*[0.5 * end] * self.dims, last])
+        return [
+            [share + _product(size, [more[e] for more in farther]) for e, share in enumerate(row)]
+            for row, size in zip(shares, sizes, strict=True)
+        ]
+
+    def _turned(self, turn: Quadratic) -> tuple[Quadratic, Quadratic]:
+        """cos and sin."""
+        n = self.n
+        more = besides(n, turn)
+        most = largest(turn)
+        one = most - more
+        c, s = self._constant(1.0), list(turn)
+        place = 1 + 2 * n
+        for k in range(n):
+            c[1 + n + k] = -0.5 * turn[1 + k] * turn[1 + k]
+            for j in range(k):
+                c[place] = -turn[1 + j] * turn[1 + k]
+                place += 1
+        c[-1] = more * (one + 0.5 * more) + most * most * most * most / 24.0
+        s[-1] = most * most * most / 6.0
+        return c, s
+
+    def _constant(self, value: float) -> Quadratic:
+        found = [0.0] * numbers(self.n, self.m)
+        found[0] = value
+        return found
 
 
-def _solved(shares: Array, start: Array) -> Array | None:
+def _solved(shares: Sequence[Sequence[float]], start: Sequence[float]) -> list[float] | None:
     """The solution of x = start + shares x; None if there is none that is not negative."""
-    try:
-        found = np.asarray(np.linalg.solve(np.eye(len(start)) - shares, start), dtype=float)
-    except np.linalg.LinAlgError:
+    rows = [tuple([float(k == e) - share for e, share in enumerate(row)]) for k, row in enumerate(shares)]
+    det, columns = statics.cofactors(rows)
+    if not det > 0.0:
         return None
-    return found if (found >= 0.0).all() else None
+    found = [_product(start, [column[e] for column in columns]) / det for e in range(len(start))]
+    return found if all(x >= 0.0 for x in found) else None
 
 
-def _turned_back(turned: Quadratic, rods: Quadratic) -> Quadratic:
-    """Vectors (dims, n), seen from a turned platform: cos and sin of its turn."""
-    t, p, rest = rods.terms, rods.p, rods.rest
-    level, rests = np.empty((t.number, 2, 2, p.shape[2])), np.empty((2, 2, p.shape[2]))
-    level[:, 0], level[:, 1, 0], level[:, 1, 1] = p[:, :2], p[:, 1], -p[:, 0]
-    rests[0], rests[1] = rest[:2], rest[1::-1]
-    seen = (turned[:, None, None] * Quadratic(t, level, rests)).sum(0)
-    if p.shape[1] == 2:
-        return seen
-    return Quadratic(t, np.concatenate([seen.p, p[:, 2:]], 1), np.concatenate([seen.rest, rest[2:]]))
-
-
-def _type2_over(platform: _Platform, rods: Quadratic, arm: float) -> float:
-    """Lower bound of the smallest cos alpha_i, with rods seen from the platform; not above 0 if nothing is proved."""
-    dims, n = rods.rest.shape
-    t, others = platform.terms, OTHERS[n]
-    rows = rods[:, others]
-    if platform.turning:  # moments about the place where the leg holds the platform that is left out
-        x, y = platform.attachments[:, others] - platform.attachments[:, None]
-        p, rest = np.empty((t.number, n, n - 1, n)), np.empty((n, n - 1, n))
-        p[:, :dims], rest[:dims] = rows.p, rows.rest
-        p[:, dims] = x * rows.p[:, 1] - y * rows.p[:, 0]
-        rest[dims] = abs(x) * rows.rest[1] + abs(y) * rows.rest[0] + 2.0 * arm * platform.longest[others]
-        rows = Quadratic(t, p, rest)
-    v = _crossed(rows)[:dims]
-    return _in_plane(rods, v) if dims == 2 else _in_space(rods, v, platform)
-
-
-def _in_plane(rods: Quadratic, v: Quadratic) -> float:
-    """tan alpha_i = |X|/D with D = rod . v_i and X = rod x v_i. If D s - X c and D s + X c are at least -m and D is at
-    least d, m >= 0 and d > 0, then |X| d c <= D (d s + m)."""
-    t, n = rods.terms, v.rest.shape[1]
-    products = rods[None] * v[PLANE]
-    sign = np.sign(products.p[0, 0].sum(0))
-    p, rest = products.p * sign, products.rest.sum(1)
-    both = Quadratic(t, p[:, :, 0], rest)
-    both.p[:, 0] += p[:, 0, 1]
-    both.p[:, 1] -= p[:, 1, 1]
-    corners = both[1].corner_values() / both[0].corner_values()
-    tangent = abs(corners).max(0)
-    c = 1.0 / np.hypot(1.0, tangent)
-    s = tangent * c
-    one, none = np.ones(n), np.zeros(n)
-    asked = both[0, None].times(np.array([one, s, s])) + both[1, None].times(np.array([none, -c, c]))
-    least = Quadratic(t, asked.p.reshape(-1, 3 * n), asked.rest.ravel()).least()
-    d, m = least[:n], np.maximum(-np.minimum(least[n : 2 * n], least[2 * n :]), 0.0)
-    if not (d > 0.0).all():
-        return 0.0
-    return float(1.0 / np.hypot(1.0, ((d * s + m) / (d * c)).max()))
-
-
-def _in_space(rods: Quadratic, v: Quadratic, platform: _Platform) -> float:
-    """cos alpha_i = D/(|v_i| length) with D = rod . v_i. If D - q |v_i| length is at least -m and D at least d, m >= 0
-    and d > 0, then D (d + m) >= q d |v_i| length. |v| <= along + aside^2/(2 along), along and across its middle."""
-    t, n, det = rods.terms, v.rest.shape[1], (rods * v).sum(0)
-    det = det.times(np.sign(det.p[0]))
-    middle = v.p[0]
-    way = middle / np.sqrt((middle * middle).sum(0))
-    along = v.times(way).sum(0)
-    shortest = 2.0 * along.p[0] - along.largest()
-    if not (shortest > 0.0).all():
-        return 0.0
-    across = v - along[None].times(way)
-    size = along + (across * across).sum(0).times(0.5 / shortest)
-    below = size * Quadratic(t, platform.length, platform.uncertain)
-    q = np.maximum((det.corner_values() / below.corner_values()).min(0), 0.0)
-    asked = det - below.times(q)
-    least = Quadratic(t, np.concatenate([det.p, asked.p], 1), np.concatenate([det.rest, asked.rest])).least()
-    d, m = least[:n], np.maximum(-least[n:], 0.0)
-    if not (d > 0.0).all():
-        return 0.0
-    return float((q * d / (d + m)).min())
-
-
-OTHERS = {n: np.array([[k for k in range(n) if k != i] for i in range(n)]).T.copy() for n in (2, 3, 4)}
-"""(n - 1, n) indices of the other legs of each leg."""
-PLANE = np.array([[0, 1], [1, 0]])
-"""x with x and y with y; x with y and y with x."""
-
-
-def _crossed(rows: Quadratic) -> Quadratic:
-    """(n, M) what the determinants of any row and the n - 1 given ones, (n, n - 1, M), are the products with."""
-    n, t = len(rows.rest), rows.terms
-    if n == 2:
-        return rows[::-1, 0].times(np.array([[1.0], [-1.0]]))
-    if n == 3:
-        products = rows[CYCLES, 0] * rows[CYCLES[::-1], 1]
-        return products[0] - products[1]
-    products = rows[COLUMNS, 1] * rows[COLUMNS[::-1], 2]
-    minors = products[0] - products[1]
-    products = (rows[WEDGE[0], 0] * minors[WEDGE[1]]).times(WEDGE[2])
-    return Quadratic(t, products.p.reshape(t.number, 3, 3, -1).sum(2), products.rest.reshape(3, 3, -1).sum(1))
-
-
-CYCLES = np.array([[1, 2, 0], [2, 0, 1]])
-COLUMNS = np.array([[0, 0, 0, 1, 1, 2], [1, 2, 3, 2, 3, 3]])
-"""Columns of the minors of two rows of four."""
-WEDGE = (
-    np.array([1, 3, 2, 2, 0, 3, 0, 3, 1]),
-    np.array([5, 3, 4, 2, 5, 1, 4, 0, 2]),
-    np.array([1.0, 1.0, -1.0, 1.0, -1.0, -1.0, 1.0, 1.0, -1.0])[:, None],
-)
-"""Entries of a third row, minors and signs that make up the first three entries of the cross product of three rows,
-three products each."""
-
-
-def least_singular(matrix: Sequence[Floats], ways: Sequence[Sequence[Floats]], rest: float) -> float:
-    """Lower bound of the second singular value of M(s) = M + sum_j s_j M_j + R, s_j in -1..1, |R| <= rest (Frobenius).
-
-    matrix: columns of M, two numbers each; ways: those of every M_j. With P(s) multilinear in s and equal to
-    M(s) M(s)^T at the corners, M M^T = P - sum (1 - s_j^2) M_j M_j^T, and the smaller eigenvalue is concave.
-    """
-    values, sizes = [], [sum([x * x + y * y for x, y in way]) for way in ways]
-    for corner in product((-1.0, 1.0), repeat=len(ways)):
-        a = b = c = square = 0.0
-        columns: list[tuple[float, float]] = []
-        for k, (x, y) in enumerate(matrix):
-            for s, way in zip(corner, ways, strict=True):
-                x, y = x + s * way[k][0], y + s * way[k][1]
-            a, b, c = a + x * x, b + x * y, c + y * y
-            for u, v in columns:
-                square += (u * y - v * x) ** 2
-            columns.append((x, y))
-        # the product of both eigenvalues, without cancellation, over the larger one
-        larger = 0.5 * (a + c + hypot(a - c, 2.0 * b))
-        values.append(square / larger if larger > 0.0 else 0.0)
-    least = _least_of_two(values, sizes) if len(ways) == 2 else min(values) - sum(sizes)
-    left = (sqrt(least) if least > 0.0 else 0.0) - rest
-    return left if left > 0.0 else 0.0
-
-
-def _least_of_two(values: Sequence[float], sizes: Sequence[float]) -> float:
-    """Smallest value over the square -1..1 of the bilinear function with the given values at (-1, -1), (-1, 1), (1,
-    -1), (1, 1) minus sum (1 - s_j^2) sizes_j: at a corner, on an edge, or where both slopes vanish."""
-    a, b, c, d = values
-    m, p, q, r = 0.25 * (a + b + c + d), 0.25 * (c + d - a - b), 0.25 * (b + d - a - c), 0.25 * (a + d - b - c)
-    e, f = sizes
-    points = [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)]
-    for edge in (-1.0, 1.0):
-        if f > 0.0 and abs(q + r * edge) < 2.0 * f:
-            points.append((edge, -0.5 * (q + r * edge) / f))
-        if e > 0.0 and abs(p + r * edge) < 2.0 * e:
-            points.append((-0.5 * (p + r * edge) / e, edge))
-    det = 4.0 * e * f - r * r
-    if det > 0.0:
-        x, y = (q * r - 2.0 * p * f) / det, (p * r - 2.0 * q * e) / det
-        if abs(x) < 1.0 and abs(y) < 1.0:
-            points.append((x, y))
-    return min([m + p * x + q * y + r * x * y - (1.0 - x * x) * e - (1.0 - y * y) * f for x, y in points])
-
-
-def distances(x: Sequence[float], moves: Sequence[Sequence[float]], rest: float) -> tuple[float, float]:
-    """Bounds of |x + sum_j s_j move_j + e|, s_j in -1..1, |e| <= rest: smallest and largest."""
-    size = hypot(*x)
-    if not size > 0.0:
-        return 0.0, sum([hypot(*move) for move in moves]) + rest
-    along = [_dot(x, move) / size for move in moves]
-    aside = sum(
-        [hypot(*[b - a * c / size for b, c in zip(move, x, strict=True)]) for a, move in zip(along, moves, strict=True)]
-    )
-    reach = sum(map(abs, along))
-    return size - reach - rest, hypot(size + reach, aside) + rest
+def _turned_back(n: int, turned: tuple[Quadratic, Quadratic], rod: Sequence[Quadratic]) -> list[Quadratic]:
+    """A vector, seen from a turned platform: cos and sin of its turn."""
+    (c, s), (x, y, *level) = turned, rod
+    return [plus(multiplied(n, c, x), multiplied(n, s, y)), minus(multiplied(n, c, y), multiplied(n, s, x)), *level]
 
 
 def _largest(ways: Sequence[Sequence[float]]) -> float:
@@ -418,5 +313,8 @@ def _largest(ways: Sequence[Sequence[float]]) -> float:
     return sqrt(square + 2.0 * sum([abs(sum(map(mul, a, b))) for a, b in combinations(ways, 2)]))
 
 
-def _dot(row: Sequence[float], vector: Sequence[float]) -> float:
-    return sum(map(mul, row, vector), 0.0)  # a row may also have a moment
+def _product(a: Sequence[float], b: Sequence[float]) -> float:
+    found = 0.0
+    for k in range(len(a)):
+        found += a[k] * b[k]
+    return found

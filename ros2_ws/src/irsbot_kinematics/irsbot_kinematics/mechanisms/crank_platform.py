@@ -9,11 +9,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import cos, hypot, inf, sin, sqrt
 
-import numpy as np
-
 from irsbot_kinematics.bounds.boxes import Reached, Rod
 from irsbot_kinematics.bounds.displacement import EXACT, Errors, lowered
-from irsbot_kinematics.bounds.quadratics import Quadratic
+from irsbot_kinematics.bounds.quadratics import Quadratic, least, minus, multiplied, scaled
 from irsbot_kinematics.mechanism import Coordinate, Floats, Posture, Signs
 from irsbot_kinematics.mechanisms.branched_platform import BranchedPlatform, Point
 from irsbot_kinematics.mechanisms.turning_platform import Travel
@@ -99,16 +97,15 @@ class CrankPlatform(BranchedPlatform):
 
     def sines_over(self, at: Posture, travel: Sequence[float], met: Reached, slack_m: float) -> Floats:
         """The sine is the cross product of the directions of crank and rod, seen from above."""
-        q, h, t, each = np.array(at.joints), np.array(travel), met.rods.terms, np.arange(len(travel))
-        n, x, y, rest = len(q), np.cos(q), np.sin(q), h * h * h / 6.0
-        cranks = np.zeros((t.number, 2, n))
-        # y before x, as the cross product takes them.
-        cranks[0] = y, x
-        cranks[1 + each, :, each] = np.array([h * x, -h * y]).T
-        cranks[1 + n + each, :, each] = (-0.5 * h * h * cranks[0]).T
-        products = met.rods[:2] * Quadratic(t, cranks, np.array([rest, rest]))
-        normalised_levers = (products[0] - products[1]).times(np.sign(at.normalised_levers))
-        return tuple(np.maximum(normalised_levers.least() / met.longest, 0.0).tolist())
+        n, floors = len(travel), []
+        for i, (q, h, (x, y, *_), longest) in enumerate(zip(at.joints, travel, met.rods, met.longest, strict=True)):
+            along, up = _direction(i, n, len(x), cos(q), -sin(q), h), _direction(i, n, len(x), sin(q), cos(q), h)
+            lever = minus(multiplied(n, x, up), multiplied(n, y, along))
+            if at.normalised_levers[i] < 0.0:
+                lever = scaled(lever, -1.0)
+            sine = least(n, lever)
+            floors.append(sine / longest if sine > 0.0 else 0.0)
+        return tuple(floors)
 
     def sine_floors(self, at: Posture, travel: Sequence[float], turn_rad: float, slack_m: float = 0.0) -> Floats:
         """The sine is |elevation| of the rod over the upright plane through its crank: both turn by bounded angles."""
@@ -128,3 +125,11 @@ class CrankPlatform(BranchedPlatform):
             near, far = hypot(r - l1, z) + ball, hypot(r + l1, z) - ball
             least = min(least, (far - l2) * (far + l2) * (l2 - near) * (l2 + near))
         return (ball, (1.0 + 2.0 * l1 * l2 / sqrt(least)) / l2) if least > 0.0 else (0.0, inf)
+
+
+def _direction(joint: int, n: int, size: int, value: float, slope: float, travel: float) -> Quadratic:
+    """A coordinate of the direction of a crank over the travel of its joint."""
+    found = [0.0] * size
+    found[0], found[1 + joint], found[1 + n + joint] = value, travel * slope, -0.5 * travel * travel * value
+    found[-1] = travel * travel * travel / 6.0
+    return found

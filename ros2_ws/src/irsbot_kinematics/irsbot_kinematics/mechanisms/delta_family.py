@@ -14,8 +14,9 @@ from operator import sub
 from typing import NamedTuple
 
 from irsbot_kinematics import statics
-from irsbot_kinematics.bounds.boxes import Rod, distances, reached
+from irsbot_kinematics.bounds.boxes import Rod, reached
 from irsbot_kinematics.bounds.displacement import EXACT, Errors, displacement, least_cosine, level_after
+from irsbot_kinematics.bounds.sizes import distances
 from irsbot_kinematics.mechanism import (
     CertifiedBounds,
     Coordinate,

@@ -13,7 +13,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from irsbot_kinematics.bounds.boxes import least_singular
+from irsbot_kinematics.bounds.sizes import least_singular
 from irsbot_kinematics.mechanism import Floats, Legs, Posture, Signs
 from irsbot_kinematics.mechanisms.irsbot2_space import constraint_columns
 from irsbot_kinematics.mechanisms.irsbot2_space.geometry import Irsbot2Geometry

@@ -16,7 +16,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from irsbot_kinematics.bounds.boxes import Reached, least_singular
+from irsbot_kinematics.bounds.boxes import Reached
+from irsbot_kinematics.bounds.sizes import least_singular
 from irsbot_kinematics.mechanism import Floats, Legs, Posture
 from irsbot_kinematics.mechanisms.branched_platform import BY_A_LOOP, TINY
 from irsbot_kinematics.mechanisms.crank_platform import CrankPlatform

@@ -239,7 +239,7 @@ class SlidingPlatform(BranchedPlatform):
     def sines_over(self, at: Posture, travel: Sequence[float], met: Reached, slack_m: float) -> Floats:
         """The sine of a carriage is linear in its rod as a vector, over the rod's length; rails that are off turn."""
         floors = []
-        legs = zip(self.rails, self.joints, at.type1, met.changes, self._lengths(at), met.longest.tolist(), strict=True)
+        legs = zip(self.rails, self.joints, at.type1, met.changes, self._lengths(at), met.longest, strict=True)
         for rail, joint, sine, rod, length, longest in legs:
             if rail is None:
                 floors.append(1.0)
