@@ -23,11 +23,12 @@ inverse there.
 2. The rods. The pose is p(s) plus an effect of known direction and size at most room in every coordinate: these
    effects are kept like joints, to first order, because they act on all rods at once. That gives w_i seen from the
    base, and, turned back by R(-t), seen from the platform, where only the rods turn and the arms do not.
-3. Type 2 (`type2_over_box`). cos alpha_i is the sine of the angle between w_i and the line or plane across v_i, the cross product of the
-   other rows, moments taken where leg i holds the platform: D = w_i . v_i, cos alpha_i = |D|/(|v_i| L_i). The lengths
-   of the other rods cancel. v_i and D are products of the above. In the plane tan alpha_i = |w_i x v_i|/D, so nothing
-   but two quadratics is compared. The quotient is guessed from the corners; what is then certified are two lower
-   bounds, that D is at least d, and that D is at least the guess times the other one less m. Both bound the quotient.
+3. Type 2 (`type2_over_box`). cos alpha_i is the sine of the angle between w_i and the line or plane across v_i, the
+   cross product of the other rows, moments taken where leg i holds the platform: D = w_i . v_i, cos alpha_i =
+   |D|/(|v_i| L_i). The lengths of the other rods cancel. v_i and D are products of the above. In the plane tan alpha_i
+   = |w_i x v_i|/D, so nothing but two quadratics is compared. The quotient is guessed from the corners; what is then
+   certified are two lower bounds, that D is at least d, and that D is at least the guess times the other one less m.
+   Both bound the quotient.
 4. The least value of a quadratic over the box (`quadratics.least`).
 """
 
