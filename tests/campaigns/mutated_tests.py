@@ -63,22 +63,25 @@ BOUNDS: dict[str, tuple[str, ...]] = {
     "columns": ("bounds_of_many",),
 }
 
+SUPERVISORS = ("supervisor", "supervisor_samples", "supervisor_late", "supervisor_branch", "supervisor_stops")
+ESTIMATORS = ("estimator", "estimator_faults", "estimator_silence")
+
 CORE: dict[str, tuple[str, ...]] = {
-    "bypass": ("bypass", "supervisor"),
-    "latch": ("latch", "supervisor"),
-    "margins": ("policy", "settings", "supervisor", "stopping"),
-    "policy": ("policy", "supervisor"),
-    "position_limits": ("position_limits", "supervisor"),
+    "bypass": ("bypass", *SUPERVISORS),
+    "latch": ("latch", *SUPERVISORS),
+    "margins": ("policy", "settings", *SUPERVISORS, "stopping"),
+    "policy": ("policy", *SUPERVISORS),
+    "position_limits": ("position_limits", *SUPERVISORS),
     "reachable_box": ("reachable_box", "stopping"),
-    "report": ("supervisor", "diagnostics"),
+    "report": (*SUPERVISORS, "diagnostics"),
     "settings": ("settings", "feasibility", "proposal"),
-    "stop_monitor": ("stop_monitor", "supervisor"),
+    "stop_monitor": ("stop_monitor", *SUPERVISORS),
     "stopping": ("stopping", "position_limits", "velocity_gate"),
-    "supervisor": ("supervisor", "bypass", "branches", "sim_faults"),
-    "validation": ("validation", "estimator", "supervisor"),
-    "observer": ("observer", "estimator", "velocity_gate"),
+    "supervisor": (*SUPERVISORS, "bypass", "branches", "sim_faults"),
+    "validation": ("validation", *ESTIMATORS, *SUPERVISORS),
+    "observer": ("observer", *ESTIMATORS, "velocity_gate"),
 }
-ESTIMATION = ("estimator", "validation", "samples", "supervisor")
+ESTIMATION = (*ESTIMATORS, "validation", "samples", *SUPERVISORS)
 
 
 def tests_of(module: str) -> tuple[list[str], str]:
