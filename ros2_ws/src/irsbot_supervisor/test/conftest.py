@@ -16,3 +16,11 @@ def irsbot():
     from command import irsbot  # takes a second to load, and few files need it
 
     return irsbot
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Work with a NaN, silence, a jump that is latched, and a reset that is refused."""
+    from replayed import record_work
+
+    return record_work(tmp_path_factory.mktemp("bag") / "run.mcap")
