@@ -9,14 +9,12 @@ import signal
 import subprocess
 import sys
 import textwrap
-from collections.abc import Callable, Iterator
-from contextlib import suppress
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
-ROOT = Path(__file__).resolve().parent.parent
 BASE_PYTHON = os.path.realpath(sys.executable)
 FAKE_COLCON = """\
     #!/bin/bash
@@ -32,18 +30,6 @@ def program(path: Path, text: str) -> Path:
     path.write_text(textwrap.dedent(text))
     path.chmod(0o755)
     return path
-
-
-@pytest.fixture
-def copy(tmp_path: Path) -> Path:
-    """A copy of the entry and the set-up, with one toy package of each kind of file."""
-    shutil.copytree(ROOT / "setup", tmp_path / "copy" / "setup", ignore=shutil.ignore_patterns("__pycache__"))
-    shutil.copy(ROOT / "irsbot", tmp_path / "copy")
-    toy = tmp_path / "copy" / "ros2_ws" / "src" / "toy"
-    for file in ("package.xml", "msg/Toy.msg", "toy/__init__.py", "config/toy.yaml"):
-        (toy / file).parent.mkdir(parents=True, exist_ok=True)
-        (toy / file).write_text("one")
-    return tmp_path / "copy"
 
 
 @pytest.fixture
@@ -67,25 +53,6 @@ def irsbot(copy: Path, tools: Path) -> Callable[..., subprocess.CompletedProcess
         return subprocess.run([copy / "irsbot", *arguments], env=env, capture_output=True, text=True, timeout=120)
 
     return run
-
-
-@pytest.fixture
-def modules(monkeypatch: pytest.MonkeyPatch) -> Iterator[SimpleNamespace]:
-    """The modules of the set-up, imported as ./irsbot does."""
-    monkeypatch.syspath_prepend(str(ROOT / "setup"))
-    import checks
-    import environment
-    import place
-    import problems
-    import progress
-    import steps
-
-    names = ("checks", "environment", "place", "problems", "progress", "steps", "work", "fingerprint")
-    yield SimpleNamespace(
-        checks=checks, environment=environment, place=place, problems=problems, progress=progress, steps=steps
-    )
-    for name in names:
-        del sys.modules[name]
 
 
 @pytest.fixture
@@ -321,81 +288,3 @@ def test_a_second_set_up_waits_for_the_first_and_finds_its_work_done(sourced, co
         process.stderr.read()
     assert process.returncode == 0
     assert (tmp_path / "calls").read_text() == "build\n"
-
-
-# The checks
-
-
-def test_every_check_runs_and_one_failure_fails_the_whole(modules, tmp_path, capfd):
-    commands = [("first", ["bash", "-c", "echo one; exit 3"]), ("second", ["bash", "-c", "echo two"])]
-    assert modules.checks.run_checks(commands, tmp_path, os.environ) == 1
-    stated = capfd.readouterr().out
-    assert "one" in stated
-    assert "two" in stated
-    assert "FAILED (exit code 3)" in stated.split("== summary")[1]
-    assert modules.checks.run_checks(commands[1:], tmp_path, os.environ) == 0
-
-
-def test_arguments_of_the_test_command_go_to_pytest_alone(modules):
-    assert [name for name, _ in modules.checks.checks("python", [])] == ["ruff check", "ruff format", "mypy", "pytest"]
-    [(name, command)] = modules.checks.checks("python", ["-k", "margin"])
-    assert name == "pytest"
-    assert command[-2:] == ["-k", "margin"]
-
-
-def test_all_tests_are_spread_over_the_cores_and_a_file_stays_in_one_process(modules):
-    _name, command = modules.checks.checks("python", [])[-1]
-    workers = int(next(word for word in command if word.startswith("--numprocesses=")).partition("=")[2])
-    assert 1 <= workers <= len(os.sched_getaffinity(0))
-    assert "--dist=loadfile" in command
-
-
-INTERRUPTED = """
-import os, signal, sys
-from pathlib import Path
-sys.path.insert(0, sys.argv[1])
-import checks
-
-def interrupt(number, frame):
-    raise KeyboardInterrupt(number)
-
-signal.signal(signal.SIGTERM, interrupt)
-signal.signal(signal.SIGINT, signal.SIG_DFL)  # a background job of a shell ignores it
-tidy = "trap 'echo tidied; exit 7' INT; echo begun; while true; do sleep 0.1; done"
-checks.run_checks([("tests", ["bash", "-c", tidy])], Path("."), os.environ)
-"""
-
-
-def test_a_check_that_is_interrupted_ends_in_order_before_the_command_does(copy):
-    command = [sys.executable, "-c", INTERRUPTED, str(copy / "setup")]
-    pipe = subprocess.PIPE
-    with subprocess.Popen(command, stdout=pipe, stderr=subprocess.DEVNULL, text=True) as process:
-        assert process.stdout
-        assert "begun\n" in iter(process.stdout.readline, "")
-        process.terminate()
-        assert process.stdout.read() == "tidied\n"
-    assert process.returncode != 0
-
-
-INTERRUPTED_AT_START = """
-popen = checks.subprocess.Popen
-def start(*given, **named):
-    process = popen(*given, **named)
-    os.kill(os.getpid(), signal.SIGTERM)  # before anybody holds the process
-    return process
-checks.subprocess.Popen = start
-"""
-
-
-def test_a_check_that_is_interrupted_while_it_starts_ends_too(copy):
-    preparation, call = INTERRUPTED.split("tidy = ")
-    script = f"{preparation}{INTERRUPTED_AT_START}tidy = {call}"
-    command = [sys.executable, "-c", script, str(copy / "setup")]
-    pipe = subprocess.PIPE
-    with subprocess.Popen(command, stdout=pipe, stderr=subprocess.DEVNULL, start_new_session=True) as process:
-        try:
-            process.communicate(timeout=60.0)  # until the check has closed its output, too
-        finally:
-            with suppress(ProcessLookupError):
-                os.killpg(process.pid, signal.SIGKILL)
-    assert process.returncode != 0

@@ -38,8 +38,8 @@ ROBOTS: dict[str, tuple[str, ...]] = {
 """Mechanism -> robots that it is shown with, if not with the one of its own name."""
 
 OWN: dict[str, tuple[str, ...]] = {
-    "branched_platform": ("crank_platforms", "rod_platform"),
-    "crank_platform": ("crank_platforms",),
+    "branched_platform": ("crank_platforms", "crank_branches", "rod_platform"),
+    "crank_platform": ("crank_platforms", "crank_branches"),
     "delta_family": ("delta_family",),
     "geometry_checks": ("geometry",),
     "irsbot2": ("irsbot2", "planar_indices"),
@@ -48,8 +48,8 @@ OWN: dict[str, tuple[str, ...]] = {
     "planar_pair": ("irsbot2", "planar_indices", "bounds_of_many"),
     "rod_platform": ("rod_platform",),
     "rrr3": ("rrr3",),
-    "rrr3_base": ("crank_platforms",),
-    "ruu4": ("crank_platforms",),
+    "rrr3_base": ("crank_platforms", "crank_branches"),
+    "ruu4": ("crank_platforms", "crank_branches", "ruu4_limbs"),
 }
 """Mechanism -> tests of it alone."""
 
@@ -65,22 +65,26 @@ BOUNDS: dict[str, tuple[str, ...]] = {
     "columns": ("bounds_of_many",),
 }
 
+SUPERVISORS = ("supervisor", "supervisor_samples", "supervisor_late", "supervisor_branch", "supervisor_stops")
+BYPASSES = ("bypass", "bypass_record")
+ESTIMATORS = ("estimator", "estimator_faults", "estimator_silence")
+
 CORE: dict[str, tuple[str, ...]] = {
-    "bypass": ("bypass", "supervisor"),
-    "latch": ("latch", "supervisor"),
-    "margins": ("policy", "settings", "supervisor", "stopping"),
-    "policy": ("policy", "supervisor"),
-    "position_limits": ("position_limits", "supervisor"),
+    "bypass": (*BYPASSES, *SUPERVISORS),
+    "latch": ("latch", *SUPERVISORS),
+    "margins": ("policy", "settings", *SUPERVISORS, "stopping"),
+    "policy": ("policy", *SUPERVISORS),
+    "position_limits": ("position_limits", *SUPERVISORS),
     "reachable_box": ("reachable_box", "stopping"),
-    "report": ("supervisor", "diagnostics"),
+    "report": (*SUPERVISORS, "diagnostics"),
     "settings": ("settings", "feasibility", "proposal"),
-    "stop_monitor": ("stop_monitor", "supervisor"),
+    "stop_monitor": ("stop_monitor", *SUPERVISORS),
     "stopping": ("stopping", "position_limits", "velocity_gate"),
-    "supervisor": ("supervisor", "bypass", "branches", "sim_faults"),
-    "validation": ("validation", "estimator", "supervisor"),
-    "observer": ("observer", "estimator", "velocity_gate"),
+    "supervisor": (*SUPERVISORS, *BYPASSES, "branches", "sim_faults"),
+    "validation": ("validation", *ESTIMATORS, *SUPERVISORS),
+    "observer": ("observer", *ESTIMATORS, "velocity_gate"),
 }
-ESTIMATION = ("estimator", "validation", "samples", "supervisor")
+ESTIMATION = (*ESTIMATORS, "validation", "samples", *SUPERVISORS)
 
 
 def tests_of(module: str) -> tuple[list[str], str]:

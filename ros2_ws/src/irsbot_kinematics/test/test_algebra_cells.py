@@ -1,41 +1,25 @@
-"""Cells, regions, areas, cusps and configurations: the numbers of the sheet, and independent methods."""
+"""Cells, regions and areas: the numbers of the sheet, and independent methods."""
 
 from __future__ import annotations
 
 from fractions import Fraction
-from math import asin, cos, inf, pi, sin, sqrt
+from math import asin, pi, sqrt
 
 import numpy as np
 import pytest
 
 pytest.importorskip("flint", reason="python-flint is an optional extra")
 
+from cusps_of_3rpr import CUSPS
+
 from irsbot_kinematics import algebra, make_robot
-from irsbot_kinematics.algebra.cusps_numeric import numeric_cusps
 from irsbot_kinematics.algebra.model.polynomial import integer_context
 from irsbot_kinematics.algebra.sizes import refuse_large_walls
-from irsbot_kinematics.algebra.upright_rods import eliminant
 from irsbot_kinematics.numerics.assembly_roots import SAMPLED_TURNS, planar_closing, trigonometric_roots
 
-# Sheet of the algebra, section 6: cusps of the 3-RPR, (rho_2, rho_3; phi).
-CUSPS = {
-    "17": [
-        (2.834794079, 5.789814030, 0.887254498),
-        (15.92255635, 6.285144863, -0.152035784),
-        (15.96297362, 26.59630689, 2.991375146),
-        (18.04091885, 31.59638572, -0.011801123),
-        (31.95218199, 14.26550131, -2.132770684),
-        (32.40429206, 28.61449447, 0.997474235),
-    ],
-    "14.98": [
-        (0.8452820183, 3.777915800, 0.884507741),
-        (13.85146009, 6.260100403, -0.045375910),
-        (16.02767053, 29.56671398, -0.010446773),
-        (17.98854689, 26.44618329, 2.973638797),
-        (30.44913058, 26.61916130, 1.003239778),
-        (31.27612613, 16.17845042, -2.144953046),
-    ],
-}
+pytestmark = pytest.mark.usefixtures("own_cache")
+
+
 # Regions and areas of the box [0.1, 45]^2.
 CELLS = {
     "17": ({0: (41, 5), 2: (49, 3), 4: (41, 3), 6: (16, 1)}, {0: 673.7639, 2: 989.4260, 4: 283.4635, 6: 69.3565}, 22),
@@ -64,11 +48,6 @@ JOINT = {
     "triaglide": (8, 2, 8.81011280),
     "uranesx": (3, 1, 15.71659139),
 }
-
-
-@pytest.fixture(autouse=True)
-def own_cache(tmp_path, monkeypatch):
-    monkeypatch.setenv("IRSBOT_CACHE", str(tmp_path))
 
 
 @pytest.fixture(scope="module")
@@ -257,162 +236,6 @@ def two_discs(radius, apart):
     """Area of the intersection of two discs of one radius."""
     half = 0.5 * apart
     return 2 * (radius**2 * (0.5 * pi - asin(half / radius)) - half * sqrt(radius**2 - half**2))
-
-
-@pytest.mark.parametrize("rho1", CUSPS)
-def test_cusps_of_the_3rpr(rho1):
-    found = algebra.cusps(algebra.predefined("3rpr"), {"rho1": rho1})
-    assert (found.status, found.complex_count) == ("certified", 24)
-    rows = [(c.joints["rho2"], c.joints["rho3"], c.pose["phi"]) for c in found]
-    for row, printed in zip(rows, CUSPS[rho1], strict=True):
-        assert row == pytest.approx(printed, abs=6e-9)
-    assert max(c.radius for c in found) < 1e-20
-
-
-@pytest.mark.parametrize("rho1", ["5", "10", "12.5", "20", "26"])
-def test_other_slices_have_six_cusps_too(rho1):
-    assert len(algebra.cusps(algebra.predefined("3rpr"), {"rho1": rho1})) == 6
-
-
-def test_a_cusp_is_a_triple_root_of_the_closing_equation():
-    """Independent of the plane map: roots of the companion matrix come together three by three."""
-    for rho2, rho3, phi in CUSPS["17"]:
-        b = [(0.0, 0.0), (17.04, 0.0), (13.2363732394, 16.0967084668)]
-        a = [(0.0, 0.0), (15.91, 0.0), (0.0, 10.0)]
-
-        def closing(turn, lengths=(17.0, rho2, rho3), b=b, a=a):
-            c, s = np.cos(turn), np.sin(turn)
-            ends = [(bx * c - by * s - ax, bx * s + by * c - ay) for (bx, by), (ax, ay) in zip(b, a, strict=True)]
-            return planar_closing(ends, lengths)
-
-        h = 1e-3
-        f = closing(phi + h * np.arange(-2, 3))
-        scale = np.abs(closing(np.linspace(-3, 3, 50))).max()
-        slope = (f[3] - f[1]) / (2 * h)
-        bend = (f[3] - 2 * f[2] + f[1]) / h**2
-        third = (f[4] - 2 * f[3] + 2 * f[1] - f[0]) / (2 * h**3)
-        assert abs(f[2]) < 1e-7 * scale
-        assert abs(slope) < 1e-5 * scale
-        assert abs(bend) < 1e-3 * abs(third)
-
-
-@pytest.mark.slow
-def test_newton_from_many_starts_finds_the_same_cusps():
-    s = algebra.predefined("3rpr")
-    found = numeric_cusps(s, "joint", ["rho2", "rho3"], s.point({"rho1": 17}))
-    assert found.status == "numeric"
-    assert all(cusp.radius == inf for cusp in found)
-    rows = sorted((c.joints["rho2"], c.joints["rho3"]) for c in found)
-    assert np.array(rows) == pytest.approx(np.array([row[:2] for row in CUSPS["17"]]), abs=1e-7)
-
-
-def test_cusps_of_the_orthogonal_3r():
-    found = algebra.cusps(algebra.predefined("serial_3r"), space="pose")
-    rows = sorted({(round(c.pose["x"], 9), round(abs(c.pose["z"]), 9)) for c in found})
-    assert np.array(rows) == pytest.approx(
-        np.array([(1.355493789, 0.5046704936), (2.465550009, 1.998718695)]), abs=2e-9
-    )
-    assert len(found) == 4
-    for cusp in found:  # the posture closes
-        d2, d3, d4, r2 = 1.0, 2.0, 1.5, 1.0
-        q = cusp.joints
-        A, B = d3 + d4 * cos(q["th3"]), r2 + d4 * sin(q["th3"])
-        reach = d2 + A * cos(q["th2"])
-        assert reach * cos(q["th1"]) - B * sin(q["th1"]) == pytest.approx(cusp.pose["x"], abs=1e-12)
-        assert reach * sin(q["th1"]) + B * cos(q["th1"]) == pytest.approx(0.0, abs=1e-12)
-        assert -A * sin(q["th2"]) == pytest.approx(cusp.pose["z"], abs=1e-12)
-
-
-@pytest.mark.parametrize("d3", [Fraction(2), Fraction(1, 2)])
-def test_number_of_cusps_of_orthogonal_3r_on_both_sides_of_every_limit(d3):
-    r2, x = 1.0, float(d3)
-    a, b = sqrt((x + 1) ** 2 + r2**2), sqrt((x - 1) ** 2 + r2**2)
-    m = x * x + r2 * r2
-    c1 = sqrt((m - (m * m - x * x + r2 * r2) / (a * b)) / 2)
-    c2, c3 = x * a / (1 + x), x * b / abs(x - 1)
-    numbers = [(c1, 0, 4), (c2, 4, 2), (c3, 2, 4 if x > 1 else 0)]
-    for limit, below, above in numbers:
-        for d4, expected in ((limit - 1e-3, below), (limit + 1e-3, above)):
-            s = algebra.predefined("serial_3r", d3=d3, d4=f"{d4:.8f}")
-            assert len(algebra.cusps(s, space="pose")) == expected
-
-
-def test_six_configurations_of_the_3rpr():
-    found = algebra.configurations(algebra.predefined("3rpr"), {"rho1": 14.98, "rho2": 15.38, "rho3": 12}, order="phi")
-    printed = [-0.9869742378, -0.0473313694, 0.245309531, 0.5856727833, 1.00203854, 2.132904365]
-    assert [c.pose["phi"] for c in found] == pytest.approx(printed, abs=1e-9)
-    for c in found:
-        x, y, phi = c.pose.values()
-        assert x * x + y * y == pytest.approx(14.98**2)
-        assert (x + 17.04 * cos(phi) - 15.91) ** 2 + (y + 17.04 * sin(phi)) ** 2 == pytest.approx(15.38**2)
-        assert c.radius < 1e-12
-    full = algebra.configurations(
-        algebra.predefined("3rpr_full"), {"rho1": 14.98, "rho2": 15.38, "rho3": 12}, order="phi"
-    )
-    assert [c.pose["phi"] for c in full] == pytest.approx(printed, abs=1e-9)
-
-
-def test_inverse_solutions_of_the_orthoglide():
-    found = algebra.configurations(algebra.predefined("orthoglide"), {"x": 1.3, "y": 1.1, "z": 1.2})
-    assert len(found) == 8
-    printed = [(0.1381049961, 2.461895004), (0.1672620947, 2.032737905), (0.1511911518, 2.248808848)]
-    for name, values in zip(("rho1", "rho2", "rho3"), printed, strict=True):
-        assert sorted({round(c.joints[name], 9) for c in found}) == pytest.approx(values, abs=1e-9)
-    triaglide = algebra.predefined("triaglide")
-    pose = {"x": 0.2, "y": 1.5, "z": 0.7}
-    assert len(algebra.configurations(triaglide, pose)) == 2  # within the limits
-    assert len(algebra.configurations(triaglide, pose, constraints=False)) == 8
-
-
-def test_direct_solutions_of_the_uranesx():
-    s = algebra.predefined("uranesx", half_root_3=20)
-    found = algebra.configurations(s, {"rho1": "3.64237861", "rho2": "1.765621668", "rho3": "2.497069354"})
-    printed = [(-0.8827320687, 0.6704222753, 3.718889591), (1.189953517, -0.1984848357, 1.661338118)]
-    assert np.array([list(c.pose.values()) for c in found]) == pytest.approx(np.array(printed), abs=1e-8)
-
-
-def test_eight_solutions_of_the_uranesx_that_the_paper_misses():
-    """P = (0, 0, 2): rho_i = 2 +- sqrt 3, all within (0, 4)."""
-    found = algebra.configurations(algebra.predefined("uranesx", half_root_3=30), {"x": 0, "y": 0, "z": 2})
-    assert len(found) == 8
-    assert {round(v, 6) for c in found for v in c.joints.values()} == {round(2 - sqrt(3), 6), round(2 + sqrt(3), 6)}
-
-
-@pytest.mark.parametrize(
-    ("name", "joints", "real"), [("3prs_v", ("0.5", 1, "0.7"), 8), ("3prs_h", ("0.5", 1, "0.7"), 16)]
-)
-def test_3prs_has_sixteen_solutions(name, joints, real):
-    s = algebra.predefined(name)
-    values = dict(zip(s.joints, joints, strict=True))
-    assert eliminant(s, s.point(values))[0].degree() == 16
-    found = algebra.configurations(s, values)
-    assert len(found) == real
-    for c in found:  # rods, and the planes in which the points stay
-        a, b, cc, d = (c.pose[k] for k in "abcd")
-        assert min(abs(a), abs(d)) < 1e-9
-        rotation = np.array(
-            [
-                [a * a + b * b - cc * cc - d * d, 2 * (b * cc - a * d), 2 * (b * d + a * cc)],
-                [2 * (b * cc + a * d), a * a - b * b + cc * cc - d * d, 2 * (cc * d - a * b)],
-                [2 * (b * d - a * cc), 2 * (cc * d + a * b), a * a - b * b - cc * cc + d * d],
-            ]
-        )
-        for k, rho in enumerate(map(float, map(Fraction, joints))):
-            turn = 2 * pi * k / 3
-            way = np.array([cos(turn), sin(turn), 0.0])
-            point = np.array([c.pose["x"], c.pose["y"], c.pose["z"]]) + rotation @ way
-            slide = 3.0 * way + [0, 0, rho] if name == "3prs_v" else rho * way
-            assert abs(-sin(turn) * point[0] + cos(turn) * point[1]) < 1e-9
-            assert np.linalg.norm(point - slide) == pytest.approx(4.0, abs=1e-9)
-
-
-def test_four_rotations_of_the_3ppps():
-    s = algebra.predefined("3ppps")
-    joints = {"y1": "-0.1", "z1": "0.05", "y2": "0.3", "z2": "-0.2", "x3": "0.1", "z3": "0.2"}
-    found = algebra.configurations(s, joints)
-    assert len(found) == 8  # each rotation as two quaternions
-    rotations = {tuple(round(v * w, 6) for v in c.pose.values() for w in [np.sign(c.pose["a"])])[3:] for c in found}
-    assert len(rotations) == 4
 
 
 def test_a_slice_that_cannot_be_decomposed_is_refused_in_one_line():

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -28,12 +26,6 @@ from irsbot_supervisor.processes.worker import Task, WorkerError
 from irsbot_supervisor.report.sections import AGAIN_S, SHIFT, TURN
 
 pytestmark = pytest.mark.ros
-
-
-@pytest.fixture
-def wire(tmp_path: Path) -> Iterator[Wire]:
-    with Wire(tmp_path / "logs") as wire:
-        yield wire
 
 
 def test_markers_show_level_margin_cause_and_the_way_out(wire: Wire):

@@ -54,6 +54,12 @@ class Latch:
         return bool(self._stopped_by)
 
     @property
+    def clear(self) -> bool:
+        """True if the level is OK and nothing is held, latched or bypassed, nor waits in `take_transitions`."""
+        nothing = not (self._held or self._stopped_by or self._bypass or self._transitions)
+        return nothing and self.now.level == Level.OK
+
+    @property
     def lost(self) -> bool:
         """True if the loss of the branch is latched."""
         return any(map(_is_lost, self._stopped_by))

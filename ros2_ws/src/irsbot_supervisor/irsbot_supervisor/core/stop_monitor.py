@@ -43,6 +43,11 @@ class StopMonitor:
         self._box, self._latency_s = ReachableBox(settings), settings.latency_s
         self._names, self._rest_s = settings.joint_names, settings.stale_s
 
+    @property
+    def measuring(self) -> bool:
+        """True from the begin of a stop until the joints stand."""
+        return self._begin is not None
+
     def begin(self, estimate: Estimate) -> None:
         """Begin to measure: the verdict about this sample stops the robot. It is published before the next sample: half
         of the expected interval."""

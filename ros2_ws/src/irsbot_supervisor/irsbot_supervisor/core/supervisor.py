@@ -28,11 +28,12 @@ from irsbot_supervisor.core.assessment import SOLVED, Assessment, Assessor
 from irsbot_supervisor.core.box_search import BoxBounds, spare_of
 from irsbot_supervisor.core.escape import NO_ESCAPE, escape_of
 from irsbot_supervisor.core.estimation.estimate import Estimate
-from irsbot_supervisor.core.estimation.estimator import Estimator
+from irsbot_supervisor.core.estimation.estimator import Estimator, EstimatorMemory
 from irsbot_supervisor.core.estimation.sample_interval import SETTLING
 from irsbot_supervisor.core.events import Configure, Event, Step
 from irsbot_supervisor.core.latch import Latch
-from irsbot_supervisor.core.margins import Margins
+from irsbot_supervisor.core.margins import Margins, margins_of
+from irsbot_supervisor.core.memory import Memory
 from irsbot_supervisor.core.policy import Policy
 from irsbot_supervisor.core.position_limits import PositionLimits
 from irsbot_supervisor.core.report import Moment, Reporter
@@ -40,7 +41,7 @@ from irsbot_supervisor.core.seed_pose import seen_posture
 from irsbot_supervisor.core.settings import LEAST_LIMIT, InvalidSettings, Settings
 from irsbot_supervisor.core.stop_monitor import MeasuredStop, StopMonitor
 from irsbot_supervisor.core.stopping import StoppingPredictor, cuts_of, limits_of
-from irsbot_supervisor.core.validation import Intake, Rejected
+from irsbot_supervisor.core.validation import Intake, IntakeMemory, Rejected
 from irsbot_supervisor.core.view import View
 
 APART = (-inf, LEAST_LIMIT, -inf, -inf)
@@ -171,6 +172,45 @@ class Supervisor:
             judgement=self._latch.now,
             seen_ns=good.seen_ns,
         )
+
+    @property
+    def quiet(self) -> bool:
+        """True if nothing is in force or under suspicion, so that a sample without findings changes no verdict."""
+        good = self._good
+        return (
+            self._latch.clear
+            and good is not None
+            and not (self._stale or self._found or self._silence)
+            and self._found_until_ns == FOREVER
+            and not self._stops.measuring
+            and self._assessor.steady
+            and self._estimator.quiet
+            and good is self._estimator.last
+        )
+
+    @property
+    def memory(self) -> Memory:
+        """What is remembered of the last samples, as long as the supervisor is `quiet`."""
+        return Memory(
+            self._intake.memory,
+            self._estimator.memory,
+            self._predictor,
+            self._at,
+            self._assessor.contact_m,
+            self._assessor.gaps,
+            self._samples,
+        )
+
+    def remember(self, intake: IntakeMemory, estimator: EstimatorMemory, samples: int) -> None:
+        """Go on as if so many more samples had been judged without findings, the last of which left these memories. The
+        supervisor is `quiet`."""
+        last = estimator.last
+        assert last is not None
+        self._intake.remember(intake)
+        self._estimator.remember(estimator)
+        self._good, self._at = last, self._assessor.passed(last.position)
+        self._last = Moment(last.stamp_ns, margins_of(self._at))
+        self._samples += samples
 
     def fail(self, seen_ns: int, error: Exception) -> Step:
         """Result of an internal error, also of `step`: UNKNOWN, until a sample is judged without error."""

@@ -37,6 +37,16 @@ class Rejected(NamedTuple):
     """A repetition or a late sample: it neither adds knowledge nor casts doubt on it."""
 
 
+class IntakeMemory(NamedTuple):
+    """What `Intake` remembers of the last accepted sample."""
+
+    names: tuple[str, ...] | None  # of the messages
+    stamp_ns: int
+    seen_ns: int
+    period_ns: int  # between the last two stamps
+    position: Floats
+
+
 class Intake:
     """Sorts samples into accepted and rejected; remembers the order of names and the newest stamp."""
 
@@ -55,6 +65,15 @@ class Intake:
         self._age_ns = round(settings.age_limit_s * NS_PER_S)
         self._future_ns = round(settings.future_limit_s * NS_PER_S)
         self._stale_ns = round(settings.stale_s * NS_PER_S)
+
+    @property
+    def memory(self) -> IntakeMemory:
+        """What is remembered, for `remember`."""
+        return IntakeMemory(self._names, self._stamp_ns, self._seen_ns, self._period_ns, self._position)
+
+    def remember(self, memory: IntakeMemory) -> None:
+        """Go on from a memory with the same names."""
+        _names, self._stamp_ns, self._seen_ns, self._period_ns, self._position = memory
 
     def check(self, sample: JointSample) -> Accepted | Rejected:
         """The sample in the configured joint order, or the first reason to reject it."""

@@ -11,9 +11,10 @@ from typing import Any
 
 import rclpy
 import rclpy.node
+from diagnostic_msgs.msg import DiagnosticArray
 from irsbot_msgs.msg import SingularityState as StateMessage
 from irsbot_msgs.msg import Verdict as VerdictMessage
-from irsbot_msgs.srv import ResetStop
+from irsbot_msgs.srv import CheckTrajectory, ResetStop
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.experimental.events_executor import EventsExecutor
@@ -21,6 +22,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectoryPoint
 
 from irsbot_kinematics import make_robot
 from irsbot_msgs_py.cdr import decode_verdict, encode_joint_state
@@ -240,3 +242,39 @@ class Cell:
         stated = self.say(self.clock())
         if stated is not None:
             self.joints.publish(encode_joint_state(stated))
+
+
+def silent(cell: Cell) -> bool:
+    """True if the supervisor has nothing to speak with."""
+    return not any(cell.node.count_publishers(f"supervisor/{topic}") for topic in ("verdict", "state", "journal"))
+
+
+def bad(stamp_ns: int, **changes: object) -> JointSample:
+    """A joint state of a robot at rest, with some of its fields changed."""
+    return sample(stamp_ns, GOOD)._replace(**changes)
+
+
+def check(cell: Cell, *goals: tuple[float, ...]) -> CheckTrajectory.Response:
+    """What the supervisor says of a motion through these joint positions, one per second."""
+    request = CheckTrajectory.Request()
+    request.trajectory.joint_names = list(NAMES)
+    for number, goal in enumerate(goals):
+        point = JointTrajectoryPoint(positions=goal)
+        point.time_from_start.sec = number
+        request.trajectory.points.append(point)
+    return cell.call(CheckTrajectory, "supervisor/check_trajectory", request)
+
+
+Statuses = list[dict[str, tuple[bytes, str]]]
+"""Level and sentence of every check, message after message."""
+
+
+def statuses_of(cell: Cell) -> Statuses:
+    """What a supervisor says of its checks, from now on."""
+    heard: Statuses = []
+
+    def hear(message: DiagnosticArray) -> None:
+        heard.append({status.name.split(": ")[1]: (status.level, status.message) for status in message.status})
+
+    cell.node.create_subscription(DiagnosticArray, "/diagnostics", hear, 10)
+    return heard

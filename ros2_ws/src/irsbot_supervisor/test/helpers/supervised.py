@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
+from math import inf, nan
 from typing import Any
 
+import pytest
+
 import irsbot_kinematics as irs
-from irsbot_msgs_py.records import Floats, JointSample, Reset, Tick
+from irsbot_msgs_py.records import Cause, Floats, JointSample, Level, Reset, Tick, Verdict
 from irsbot_supervisor.configuration.feasibility import settings_from
 from irsbot_supervisor.configuration.loading import read_settings, robot_of, shipped_values
 from irsbot_supervisor.core.events import Configure, Event, Step
@@ -108,3 +111,60 @@ def expectation(steps: Iterable[Step]) -> list[Interval]:
         for step in steps
         for turn in step.transitions
     ]
+
+
+STALE_MS, DWELL_MS, HEARTBEAT_MS = 50, 50, 10
+"""ms: shipped settings, which the tests write out."""
+
+SETTLING_MS = 2 * STALE_MS
+"""ms for which samples must have come after a silence, as docs/explanation/verdicts.md says."""
+
+
+BOUNDARY = (1.04, -0.49)
+"""m: leg I of irsbot2 is 0.6 rad from straight, and gets nearer while q_1 falls."""
+
+
+def level_in_force(steps: list[Step]) -> Level:
+    """Of the newest verdict."""
+    return [step.verdict for step in steps if step.verdict is not None][-1].level
+
+
+def newest(steps: list[Step]) -> Verdict:
+    """The newest verdict of the steps."""
+    return [step.verdict for step in steps if step.verdict is not None][-1]
+
+
+def approach(q, ms: int, rates=(6.0, -6.0), begin_ms: int = 0) -> JointSample:
+    """A sample of joints that move steadily from q since `begin_ms`."""
+    return sample(ms, [a + v * (ms - begin_ms) / 1e3 for a, v in zip(q, rates, strict=True)], rates)
+
+
+BAD = {
+    "a NaN position": (lambda ms, q: sample(ms, (nan, q[1])), Cause.NONFINITE),
+    "an infinite position": (lambda ms, q: sample(ms, (q[0], -inf)), Cause.NONFINITE),
+    "a position beyond all reason": (lambda ms, q: sample(ms, (q[0], 1e308)), Cause.IMPLAUSIBLE),
+    "no names": (lambda ms, q: JointSample(*sample(ms, q)[:3], (), ()), Cause.NAMES),
+    "a missing joint": (lambda ms, q: sample(ms, q[:1], names=JOINTS[:1]), Cause.NAMES),
+    "a doubled joint": (lambda ms, q: sample(ms, (*q, q[0]), names=(*JOINTS, JOINTS[0])), Cause.NAMES),
+    "too few positions": (lambda ms, q: sample(ms, q[:1], names=JOINTS), Cause.NAMES),
+    "too many velocities": (lambda ms, q: sample(ms, q, (0.0, 0.0, 0.0)), Cause.NAMES),
+    "an old stamp": (lambda ms, q: sample(ms, q, age_ms=201.0), Cause.STAMP),
+    "a stamp of the future": (lambda ms, q: sample(ms, q, age_ms=-21.0), Cause.STAMP),
+    "a stamp of zero": (lambda ms, q: sample(ms, q)._replace(stamp_ns=0), Cause.STAMP),
+    "a jump": (lambda ms, q: sample(ms, (q[0] + 0.5, q[1])), Cause.IMPLAUSIBLE),
+}
+"""Samples that give no knowledge, at a time in ms and joint positions, and the cause of their rejection."""
+
+bad = pytest.mark.parametrize(("make", "cause"), BAD.values(), ids=BAD)
+"""Runs a test with each of them."""
+
+
+def stopped() -> tuple[Supervisor, tuple[float, ...], Verdict]:
+    """A supervisor that has stopped a run at the boundary, and where the robot then rests, well inside again."""
+    supervisor, q = ready(pose=BOUNDARY)
+    steps = feed(supervisor, [approach(q, ms, (-6.0, 0.0)) for ms in range(1, 75)])
+    verdict = newest(steps)
+    assert verdict.level == Level.STOP, "the run was not stopped: the fixture proves nothing"
+    steps = feed(supervisor, resting(2000, 2400, q))  # the operator has moved it back meanwhile
+    assert newest(steps).latched
+    return supervisor, q, newest(steps)

@@ -9,11 +9,16 @@ from irsbot_msgs_py.records import Cause, Floats
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.core.estimation.clock_steps import passed_s, stamped_s, step_ns, was_set
 from irsbot_supervisor.core.estimation.estimate import Estimate, Silence, Speeds
-from irsbot_supervisor.core.estimation.frozen import Frozen, Suspicion
+from irsbot_supervisor.core.estimation.frozen import Frozen, Still, Suspicion
 from irsbot_supervisor.core.estimation.jumps import Jumps
-from irsbot_supervisor.core.estimation.observer import Observer, excess
+from irsbot_supervisor.core.estimation.observer import Observer, ObserverMemory, excess
 from irsbot_supervisor.core.estimation.reported import Reported
-from irsbot_supervisor.core.estimation.sample_interval import SampleIntervals, SecondLargest, judging_time
+from irsbot_supervisor.core.estimation.sample_interval import (
+    IntervalMemory,
+    SampleIntervals,
+    SecondLargest,
+    judging_time,
+)
 from irsbot_supervisor.core.reachable_box import ReachableBox
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.core.validation import Accepted, Rejected
@@ -34,6 +39,26 @@ class Wait(NamedTuple):
     usual_s: float  # at the present interval of the sender
     late: bool  # True if samples have come more rarely than that
     rare: bool  # and more rarely than heartbeats
+
+
+class Standstill(NamedTuple):
+    """Since when the joints stand."""
+
+    rest: Floats  # rad or m: positions since which no joint has moved faster than the standstill speed
+    rest_ns: int  # time of these positions
+    stood_ns: int  # time since which no joint has moved faster
+
+
+class EstimatorMemory(NamedTuple):
+    """What `Estimator` remembers, as long as it is `quiet`."""
+
+    last: Estimate | None
+    before: Estimate | None  # the one before the last
+    observer: ObserverMemory
+    reported: tuple[Accepted, ...]
+    intervals: IntervalMemory
+    still: dict[int, Still]  # joints whose position may be frozen, by number
+    standstill: Standstill
 
 
 class Estimator:
@@ -61,6 +86,38 @@ class Estimator:
         self._intervals.configure(settings.stale_s, settings.sample_gap_s, settings.heartbeat_s)
         for part in (self._observer, self._reported, self._jumps, self._frozen):
             part.configure(settings)
+
+    @property
+    def last(self) -> Estimate | None:
+        """The estimate of the last good sample."""
+        return self._last
+
+    @property
+    def quiet(self) -> bool:
+        """True if no joint is where it jumped, and no lead of the sender's clock is remembered."""
+        return not (self._leads.any or self._jumps.away)
+
+    @property
+    def memory(self) -> EstimatorMemory:
+        """What is remembered of the last samples, for `remember`."""
+        return EstimatorMemory(
+            self._last,
+            self._before,
+            self._observer.memory,
+            self._reported.memory,
+            self._intervals.memory,
+            self._frozen.still,
+            Standstill(self._rest, self._rest_ns, self._stood_ns),
+        )
+
+    def remember(self, memory: EstimatorMemory) -> None:
+        """Go on from a memory. The estimator is `quiet`."""
+        self._last, self._before = memory.last, memory.before
+        self._observer.remember(memory.observer)
+        self._reported.remember(memory.reported)
+        self._intervals.remember(memory.intervals)
+        self._frozen.still = memory.still
+        self._rest, self._rest_ns, self._stood_ns = memory.standstill
 
     def update(self, sample: Accepted, held: bool = False) -> Estimate | Rejected:
         """The estimate for a sample, or the reason why the sample contradicts the earlier motion. held: a stop is in

@@ -16,12 +16,20 @@ from __future__ import annotations
 
 from collections import deque
 from math import remainder, sqrt
+from typing import NamedTuple
 
 from irsbot_kinematics.mechanism import Coordinate
 from irsbot_msgs_py.records import Floats
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.core.estimation.estimate import Speeds
 from irsbot_supervisor.core.settings import Settings
+
+
+class ObserverMemory(NamedTuple):
+    """What `Observer` remembers."""
+
+    kept: tuple[tuple[int, Floats], ...]  # stamps, ns, and positions, rad or m; oldest first
+    speeds: Speeds  # bounds at the newest
 
 
 class Observer:
@@ -43,6 +51,15 @@ class Observer:
         self._told_s = min((0.5 * turn - error) / fastest for turn, error, fastest in joints)
         self._any = Speeds(self._fastest, self._fastest)
         self._speeds = self._any
+
+    @property
+    def memory(self) -> ObserverMemory:
+        """All that is remembered, for `remember`."""
+        return ObserverMemory(tuple(self._kept), self._speeds)
+
+    def remember(self, memory: ObserverMemory) -> None:
+        """Go on from a memory."""
+        self._kept, self._speeds = deque(memory.kept), memory.speeds
 
     def without_last(self, speeds: Speeds) -> None:
         """Remove the last position, which was wrong. speeds: the bounds before it."""

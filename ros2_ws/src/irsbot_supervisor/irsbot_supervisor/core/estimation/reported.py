@@ -48,6 +48,15 @@ class Reported:
             [round((4.0 * error / gain) ** 0.5 * NS_PER_S) for error, gain in zip(errors, self._gains, strict=True)]
         )
 
+    @property
+    def memory(self) -> tuple[Accepted, ...]:
+        """The samples that are remembered, oldest first, for `remember`."""
+        return tuple(self._kept)
+
+    def remember(self, kept: tuple[Accepted, ...]) -> None:
+        """Go on from a memory."""
+        self._kept = deque(kept)
+
     def clock_set(self, step_ns: int) -> None:
         """Shift earlier stamps after the clock of the stamps was set."""
         self._kept = deque(kept._replace(stamp_ns=kept.stamp_ns + step_ns) for kept in self._kept)

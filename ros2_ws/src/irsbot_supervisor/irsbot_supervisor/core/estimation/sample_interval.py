@@ -21,6 +21,14 @@ def judging_time(stated_s: float, interval_s: float) -> float:
     return max(stated_s, min(interval_s, JUDGING_S))
 
 
+class SecondLargestMemory(NamedTuple):
+    """What `SecondLargest` remembers."""
+
+    since_ns: int | None  # when this span began; None: with the next value
+    now: tuple[float, float]  # the two largest values of this span
+    before: tuple[float, float]  # and of the one before
+
+
 class SecondLargest:
     """The second-largest value of a window of one to two spans: the largest may be an outlier."""
 
@@ -32,6 +40,15 @@ class SecondLargest:
     def any(self) -> bool:
         """True if anything is remembered."""
         return self._now[0] > 0.0 or self._before[0] > 0.0
+
+    @property
+    def memory(self) -> SecondLargestMemory:
+        """All that is remembered, for `remember`."""
+        return SecondLargestMemory(self._since_ns, self._now, self._before)
+
+    def remember(self, memory: SecondLargestMemory) -> None:
+        """Go on from a memory."""
+        self._since_ns, self._now, self._before = memory
 
     def second(self, at_ns: int, value: float, span_ns: float) -> float:
         """The second-largest value after adding one, at least 0; 0 if there is only one."""
@@ -67,6 +84,14 @@ class SampleInterval(NamedTuple):
     rare: bool  # and more rarely than heartbeats
 
 
+class IntervalMemory(NamedTuple):
+    """What `SampleIntervals` remembers."""
+
+    sent_s: float  # between the last two samples, for the sender
+    learned_ns: int | None  # when the last silence ended
+    longest: SecondLargestMemory
+
+
 class SampleIntervals:
     """Longest expected interval between samples: the second-longest in the window, so that a single outlier is ignored.
     Intervals count by the sender's stamps or by the receiver's clock, whichever is longer, so that for samples in
@@ -86,6 +111,16 @@ class SampleIntervals:
         if silence_s != self._silence_s:
             self._silence_s = silence_s
             self._longest.keep(silence_s)
+
+    @property
+    def memory(self) -> IntervalMemory:
+        """All that is remembered, for `remember`."""
+        return IntervalMemory(self._sent_s, self._learned_ns, self._longest.memory)
+
+    def remember(self, memory: IntervalMemory) -> None:
+        """Go on from a memory."""
+        self._sent_s, self._learned_ns = memory.sent_s, memory.learned_ns
+        self._longest.remember(memory.longest)
 
     def expected(self, seen_ns: int, passed_s: float, stamped_s: float) -> SampleInterval:
         """Time until the next sample, after an interval that has just ended. passed_s, stamped_s: its length by the

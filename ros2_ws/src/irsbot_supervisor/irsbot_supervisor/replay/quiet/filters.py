@@ -4,23 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import floor
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from irsbot_supervisor.bag.joint_columns import Times, Values
+from irsbot_supervisor.core.estimation.sample_interval import SecondLargestMemory
 
 Rows = NDArray[np.intp]
 """Numbers of rows."""
-
-
-class Longest(NamedTuple):
-    """State of `SecondLargest`."""
-
-    since_ns: int | None
-    now: tuple[float, float]
-    before: tuple[float, float]
 
 
 def column_of(values: Sequence[float]) -> Values:
@@ -52,7 +44,9 @@ def growing(most: Values, gains: Values, begin: tuple[float, ...]) -> tuple[Valu
         found = lower
 
 
-def second_largest(seen: Times, values: Values, span_ns: float, state: Longest) -> tuple[Values, Times, Values]:
+def second_largest(
+    seen: Times, values: Values, span_ns: float, state: SecondLargestMemory
+) -> tuple[Values, Times, Values]:
     """`SecondLargest.second` for many values, and its state after each.
 
     seen: (N,) ns, increasing. values: (N,). span_ns: length of a span. state: before the first value. Returns the

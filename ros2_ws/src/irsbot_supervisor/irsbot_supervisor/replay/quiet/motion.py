@@ -20,10 +20,10 @@ from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.bag.joint_columns import JointColumns, Times, Values
 from irsbot_supervisor.core.estimation.clock_steps import STEP_S
 from irsbot_supervisor.core.estimation.observer import stamped_errors
-from irsbot_supervisor.core.estimation.sample_interval import JUDGING_S, SETTLING
+from irsbot_supervisor.core.estimation.sample_interval import JUDGING_S, SETTLING, SecondLargestMemory
 from irsbot_supervisor.core.reachable_box import position_error
 from irsbot_supervisor.core.settings import OVERSPEED, Settings
-from irsbot_supervisor.replay.quiet.filters import Longest, Rows, column_of, growing, kept_from, second_largest
+from irsbot_supervisor.replay.quiet.filters import Rows, column_of, growing, kept_from, second_largest
 from irsbot_supervisor.replay.quiet.suspicion import Mask, Suspicions, suspicions
 
 NEAR = 3.0
@@ -51,7 +51,7 @@ class History(NamedTuple):
     backward: tuple[float, ...]
     sent_s: float
     learned_ns: int | None
-    longest: Longest
+    longest: SecondLargestMemory
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,7 +25,7 @@ from irsbot_supervisor.core.settings import UNTRUSTED
 from irsbot_supervisor.core.stopping import release_of
 from irsbot_supervisor.core.supervisor import Supervisor
 from irsbot_supervisor.replay.quiet.boxes import Boxes
-from irsbot_supervisor.replay.quiet.handover import agrees, hand_over, history, is_quiet
+from irsbot_supervisor.replay.quiet.handover import agrees, hand_over, history
 from irsbot_supervisor.replay.quiet.motion import History, MotionColumns
 from irsbot_supervisor.replay.quiet.postures import GUARD, PostureColumns, four_margins, postures
 
@@ -99,10 +99,10 @@ class Strides:
     def _block(self, columns: JointColumns, before: History) -> int:
         """Judge samples of one block; returns how many."""
         supervisor, joints = self._supervisor, columns.of_joints(self._names)
-        assessor = supervisor._assessor
+        memory = supervisor.memory
         with np.errstate(all="ignore"):
             motion = self._motion.over(joints, before)
-            found = postures(self._mechanism, joints.position, self._modes, assessor._contact, assessor._gaps)
+            found = postures(self._mechanism, joints.position, self._modes, memory.contact_m, memory.gaps)
             bounds = self._mechanism.certified_bounds_many(found.legs, list(found.gaps.T), list(motion.half))
             certified = four_margins(bounds, len(joints))
             spare = (certified - self._release).min(1)
@@ -112,14 +112,15 @@ class Strides:
         boxes = Boxes(supervisor.settings, self._mechanism, wanting, low, high)
         row, ends = 0, np.append(np.flatnonzero(~quiet), len(quiet))
         while row < len(quiet):
-            if quiet[row] and self._may_stride() and is_quiet(supervisor):
+            if quiet[row] and self._may_stride() and supervisor.quiet:
                 end = int(ends[np.searchsorted(ends, row)])
-                assert supervisor._at is not None
-                end = boxes.proved_until(supervisor._predictor, supervisor._at, row, end, certified)
+                memory = supervisor.memory
+                assert memory.at is not None
+                end = boxes.proved_until(memory.predictor, memory.at, row, end, certified)
                 if end > row:
                     hand_over(supervisor, joints, motion, row, end)
                     rows = slice(row, end)
-                    self._quiet(QuietRows(joints[rows], certified[rows], found, rows, supervisor._samples))
+                    self._quiet(QuietRows(joints[rows], certified[rows], found, rows, supervisor.memory.samples))
                     row = end
                     continue
             self._one(columns.sample(row))

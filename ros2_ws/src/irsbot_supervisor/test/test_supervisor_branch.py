@@ -1,0 +1,114 @@
+"""The branch of a robot: when it is lost, and what loses it."""
+
+from __future__ import annotations
+
+from math import isnan
+
+import numpy as np
+import pytest
+from supervised import (
+    MS,
+    expectation,
+    feed,
+    joints_of,
+    level_in_force,
+    newest,
+    ready,
+    reset,
+    resting,
+    sample,
+    supervisor_of,
+)
+
+import irsbot_kinematics as irs
+from irsbot_msgs_py.records import Cause, JointSample, Level
+
+# --- the branch -------------------------------------------------------------------------------------------------
+
+
+def test_another_working_mode_is_a_loss_of_the_branch_that_a_look_does_not_cure():
+    supervisor = supervisor_of()
+    wrong = tuple(supervisor.robot.inverse((0.0, -0.85), (-1, -1)).tolist())
+    steps = feed(supervisor, resting(0, 200, wrong))
+    assert (level_in_force(steps), newest(steps).latched) == (Level.UNKNOWN, True)
+    assert newest(steps).causes & Cause.BRANCH
+    assert "mode" in supervisor.step(reset(200, newest(steps).event)).refusal
+    assert supervisor.step(sample(201, wrong)).state.level == Level.UNKNOWN
+
+
+@pytest.mark.parametrize("gap_m", [0.0, 1e-12, 1e-9, 1e-7, 9e-7, 1.1e-6, 1e-4, 1e-2])
+def test_near_a_type_2_locus_nothing_is_ok_and_contact_is_latched_as_a_loss_of_the_branch(gap_m):
+    """Elbows of irsbot2_beta45 that are `gap_m` apart: the cranks stand mirrored with b0 + l1 cos q2 = gap/2."""
+    supervisor = supervisor_of("irsbot2_beta45")
+    geometry = supervisor.robot.mechanism.geometry
+    q2 = -np.arccos((0.5 * gap_m - geometry.b0) / geometry.l1)
+    q = (float(-np.pi - q2), float(q2))
+    steps = feed(supervisor, resting(0, 100, q))
+    for step in steps:
+        assert step.state.level in (Level.STOP, Level.UNKNOWN)
+        assert step.state.causes & (Cause.TYPE2 | Cause.NOT_ASSEMBLED)
+    verdict = newest(steps)
+    assert verdict.latched
+    touched = bool(verdict.causes & Cause.BRANCH)
+    assert touched == (gap_m <= 1e-6)
+    away = joints_of(supervisor, 0.0, -0.8)
+    steps = feed(supervisor, resting(2000, 2200, away))
+    assert newest(steps).latched
+    assert newest(steps).level == Level.UNKNOWN  # who knows what it met in two seconds, so near to the locus
+    assert newest(steps).causes & Cause.BRANCH
+
+
+def test_legs_that_come_apart_have_passed_type_2_and_the_branch_is_lost():
+    """Rods in line: the elbows of irsbot2 are farther apart than both rods reach."""
+    supervisor = supervisor_of("irsbot2")
+    geometry = supervisor.robot.mechanism.geometry
+    assert 2.0 * (geometry.l1 + geometry.b0) < 2.0 * geometry.l2eq, "the fixture needs a design that cannot come apart"
+    csc = supervisor_of("irsbot2_csc")
+    wide = (float(np.pi), 0.0)  # both cranks point outwards
+    assert csc.robot.mechanism.posture(wide, -1).status == irs.Status.UNREACHABLE
+    steps = feed(csc, [sample(ms, wide) for ms in range(100)])
+    assert newest(steps).latched
+    assert newest(steps).causes & Cause.BRANCH
+    assert all(step.state.causes == Cause.BRANCH | Cause.NOT_ASSEMBLED for step in steps)
+    assert all(isnan(step.state.type2_margin) for step in steps)
+
+
+def test_a_jump_that_stays_is_latched_until_a_reset():
+    supervisor, q = ready()
+    steps = feed(supervisor, resting(0, 250, (q[0] + 0.2, q[1])))
+    verdict = newest(steps)
+    assert verdict.latched
+    assert verdict.causes & Cause.BRANCH
+    assert supervisor.step(reset(250, verdict.event)).refusal == ""
+    assert level_in_force(feed(supervisor, resting(251, 300, (q[0] + 0.2, q[1])))) == Level.OK
+
+
+@pytest.mark.parametrize("back_ms", [0.0, 5000.0], ids=["same clock", "clock set back"])
+def test_a_silence_in_which_the_robot_may_have_met_a_type_2_singularity_latches_the_loss_of_the_branch(back_ms):
+    """From z = -0.9 m to +0.7 m in 0.4 s; each of both postures by itself is good."""
+    supervisor = supervisor_of()
+    first, then = (2.7, 0.44), (0.0, 3.14)
+    feed(supervisor, resting(-300, 0, first))
+    assert supervisor.step(sample(0, first)).state.level == Level.OK
+    ends = [supervisor.robot.direct(q, supervisor.settings.assembly_mode)[1] for q in (first, then)]
+    assert ends[0] * ends[1] < 0.0, "the platform has not changed sides: the fixture proves nothing"
+    steps = feed(supervisor, [set_back(one, back_ms) for one in resting(400, 700, then)])
+    assert newest(steps).latched
+    assert newest(steps).causes & Cause.BRANCH
+    assert all(one.level != Level.OK for one in expectation(steps))
+
+
+def set_back(one: JointSample, back_ms: float) -> JointSample:
+    """A sample as it comes after the ROS clock, which sender and receiver share, was set back."""
+    back_ns = round(back_ms * MS)
+    return one._replace(stamp_ns=one.stamp_ns - back_ns, received_ns=one.received_ns - back_ns)
+
+
+@pytest.mark.parametrize("silence_ms", [60, 400, 5000])
+@pytest.mark.parametrize("back_ms", [0.0, 5000.0], ids=["same clock", "clock set back"])
+def test_a_silence_in_a_good_posture_at_rest_loses_no_branch(silence_ms, back_ms):
+    """Also where the clocks are set meanwhile."""
+    supervisor, q = ready()
+    steps = feed(supervisor, [set_back(one, back_ms) for one in resting(silence_ms, silence_ms + 300, q)])
+    assert not newest(steps).latched
+    assert level_in_force(steps) == Level.OK

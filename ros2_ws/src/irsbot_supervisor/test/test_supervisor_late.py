@@ -1,0 +1,76 @@
+"""Samples that come late: a robot at rest is not stopped for them, one that moves is judged all the same."""
+
+from __future__ import annotations
+
+import pytest
+from supervised import (
+    BOUNDARY,
+    approach,
+    feed,
+    joints_of,
+    level_in_force,
+    newest,
+    ready,
+    resting,
+    sample,
+    supervisor_of,
+)
+
+from irsbot_msgs_py.records import Cause, Level
+from irsbot_supervisor.core.events import Step
+from irsbot_supervisor.core.supervisor import Supervisor
+
+# --- samples that come late -------------------------------------------------------------------------------------
+
+
+def with_pauses(supervisor: Supervisor, make, pause_ms: int = 26, number: int = 3) -> list[Step]:
+    """Samples every millisecond, and pauses of the machine, after each of which only the newest sample is judged."""
+    times = [ms for k in range(number) for ms in range(k * (20 + pause_ms), k * (20 + pause_ms) + 20)]
+    return feed(supervisor, [make(ms) for ms in times])
+
+
+@pytest.mark.parametrize("z", [-0.85, -1.1, -1.15])
+def test_late_samples_do_not_stop_a_robot_at_rest_but_its_state_is_unknown(z):
+    """At 400 rad/s2 a joint could get 0.6 rad far in two pauses: no posture has that room."""
+    supervisor, q = ready(pose=(0.0, z))
+    steps = with_pauses(supervisor, lambda ms: sample(ms, q))
+    late = newest(steps)
+    assert (late.level, late.latched, late.event) == (Level.UNKNOWN, False, 0)
+    assert late.causes & Cause.STALE
+    assert "samples come late, by now the next may be judged 32 ms after this one" in late.text  # 27 and 5 for judging
+    steps += feed(supervisor, resting(112, 500, q))
+    assert level_in_force(steps) <= Level.WARN
+    assert not any(step.verdict.latched for step in steps if step.verdict is not None)
+
+
+def test_a_busy_start_latches_no_stop_of_a_robot_at_rest():
+    """Its first samples come as rarely as those of a sender that is too slow, until the interval is known."""
+    supervisor = supervisor_of("irsbot2")
+    q = joints_of(supervisor, 0.0, -0.85)
+    steps = feed(supervisor, [sample(ms, q) for ms in (0, 45, 85, *range(90, 600))])
+    assert newest(steps).level == Level.OK
+    assert not any(turn.latched for step in steps for turn in step.transitions)
+
+
+def test_a_sender_that_is_as_slow_as_that_stops_the_robot():
+    supervisor, q = ready()
+    slow = newest([supervisor.step(sample(27 * k, q)) for k in range(10)])
+    assert (slow.level, slow.latched) == (Level.STOP, True)
+
+
+def test_samples_that_jitter_within_a_heartbeat_are_not_late():
+    supervisor, q = ready(pose=BOUNDARY)
+    times = [ms for ms in range(80) if ms % 20 not in range(1, 7)]
+    transitions = [turn for ms in times for turn in supervisor.step(approach(q, ms, (-3.0, 3.0))).transitions]
+    assert [turn.level for turn in transitions][-1] == Level.STOP
+    assert Level.UNKNOWN not in [turn.level for turn in transitions]
+
+
+def test_a_robot_that_moves_towards_a_limit_is_stopped_however_late_samples_come():
+    supervisor, q = ready(pose=BOUNDARY)
+    steps = with_pauses(supervisor, lambda ms: approach(q, ms, (-3.0, 3.0)), number=4)
+    seen = [(step.state, newest(steps[: k + 1]).level) for k, step in enumerate(steps)]
+    stop = supervisor.settings.type1_stop
+    assert all(level >= Level.STOP for state, level in seen if min(state.type1_margin) < stop + 0.05)
+    assert min(min(state.type1_margin) for state, _level in seen) < stop, "it never got there: the test proves nothing"
+    assert newest(steps).latched
