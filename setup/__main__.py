@@ -88,6 +88,7 @@ def run(place: Place, arguments: Sequence[str]) -> int:
     if command == "test":
         if place.sourced:
             problems.need_modules(place.python, problems.CHECK_MODULES)
+        checks.forget_removed(place.byte_code)
         return checks.run_checks(checks.checks(place.interpreter, rest), place.root, env)
     if command == "python":
         become([place.interpreter, *rest], env)

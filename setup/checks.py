@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import time
@@ -44,6 +45,14 @@ def run_checks(commands: Sequence[tuple[str, list[str]]], root: Path, env: Mappi
         lines.append(f"{name:<12} {time.monotonic() - began_s:6.1f} s  {verdict}")
     print("== summary", *lines, sep="\n", flush=True)
     return 1 if failed else 0
+
+
+def forget_removed(byte_code: Path) -> None:
+    """Remove the byte code of folders that are gone: tests make modules in temporary ones."""
+    for kept, inside, _files in os.walk(byte_code):
+        if not Path("/", Path(kept).relative_to(byte_code)).is_dir():
+            shutil.rmtree(kept, ignore_errors=True)
+            inside.clear()
 
 
 def _run(command: Sequence[str], root: Path, env: Mapping[str, str]) -> int:

@@ -12,6 +12,8 @@ SEARCH_PATHS = ("PATH", "LD_LIBRARY_PATH", "PYTHONPATH", "AMENT_PREFIX_PATH", "C
 # Said by another ROS 2 or another Python: of no use, or harmful, beside the environment in .venv.
 FOREIGN = ("PYTHONPATH", "PYTHONHOME", "AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH", "COLCON_PREFIX_PATH")
 
+NO_BYTE_CODE, BYTE_CODE = "PYTHONDONTWRITEBYTECODE", "PYTHONPYCACHEPREFIX"
+
 SearchPaths = dict[str, list[str]]
 
 
@@ -31,6 +33,17 @@ def with_wheels(venv: Path, user: Mapping[str, str]) -> dict[str, str]:
         "CMAKE_PREFIX_PATH": [str(venv)],
     }
     return prepend(ours, env)
+
+
+def with_byte_code(env: Mapping[str, str], folder: Path) -> dict[str, str]:
+    """The same environment; a Python that must not write beside its modules keeps its byte code in this folder.
+
+    Images of containers say so often. Without byte code, every process compiles all libraries again.
+    """
+    if not env.get(NO_BYTE_CODE):
+        return dict(env)
+    allowed = {name: value for name, value in env.items() if name != NO_BYTE_CODE}
+    return {BYTE_CODE: str(folder), **allowed}
 
 
 def prepend(paths: SearchPaths, env: Mapping[str, str]) -> dict[str, str]:

@@ -44,6 +44,11 @@ class Place:
         return self.workspace / "compiled"
 
     @property
+    def byte_code(self) -> Path:
+        """Byte code, where Python must not write it beside the modules; gone with the next build."""
+        return self.workspace / "build" / "byte_code"
+
+    @property
     def log(self) -> Path:
         return self.root / "runs" / "setup.log"
 
@@ -58,4 +63,5 @@ class Place:
 
     def environment(self) -> dict[str, str]:
         """The environment of irsbot after the set-up."""
-        return environment.prepend(environment.load(self.paths_file), self.underlay())
+        env = environment.prepend(environment.load(self.paths_file), self.underlay())
+        return environment.with_byte_code(env, self.byte_code)

@@ -200,6 +200,33 @@ def test_inside_its_own_environment_it_does_not_take_itself_for_a_sourced_ros(mo
     assert nested.stdout == once.stdout
 
 
+def test_where_python_must_not_write_beside_modules_it_compiles_them_once_all_the_same(irsbot, modules, copy, tmp_path):
+    place = set_up(modules, copy)
+    library = tmp_path / "library"
+    library.mkdir()
+    (library / "toy_module.py").write_text("one = 1")
+    load = "import sys; sys.path[0] = sys.argv[1]; import toy_module; print(toy_module.__cached__)"
+    forbidden = irsbot("python", "-c", load, str(library), PYTHONDONTWRITEBYTECODE="1")
+    kept = Path(forbidden.stdout.strip())
+    assert kept.is_file()
+    assert place.byte_code in kept.parents
+    assert [file.name for file in library.iterdir()] == ["toy_module.py"]
+    usual = irsbot("python", "-c", load, str(library))
+    assert Path(usual.stdout.strip()).parent == library / "__pycache__"
+    own = irsbot("python", "-c", load, str(library), PYTHONDONTWRITEBYTECODE="1", PYTHONPYCACHEPREFIX=str(copy / "own"))
+    assert copy / "own" in Path(own.stdout.strip()).parents
+
+
+def test_byte_code_of_temporary_modules_does_not_pile_up(modules, copy, tmp_path):
+    place = set_up(modules, copy)
+    for folder in ("lasting", "gone/below"):
+        (tmp_path / folder).mkdir(parents=True)
+        (place.byte_code / tmp_path.relative_to("/") / folder).mkdir(parents=True)
+    shutil.rmtree(tmp_path / "gone")
+    modules.checks.forget_removed(place.byte_code)
+    assert [kept.name for kept in (place.byte_code / tmp_path.relative_to("/")).iterdir()] == ["lasting"]
+
+
 @pytest.mark.parametrize(
     ("change", "expected"),
     [

@@ -189,6 +189,7 @@ def _pytest(folder: Path, stated: Path, words: list[str]) -> None:
     sys.path.insert(0, str(folder))
     os.environ["PYTHONPATH"] = os.pathsep.join([str(folder), os.environ.get("PYTHONPATH", "")])  # for what tests start
     sys.dont_write_bytecode = True
+    os.environ["PYTHONDONTWRITEBYTECODE"] = "1"  # two mutants of one second can be of one size
     sys.stdout.flush()
     code = pytest.main(words)
     sys.stdout.flush()
