@@ -126,9 +126,7 @@ def test_a_section_without_a_kind_of_locus_deletes_its_marker() -> None:
 
 def test_a_long_reason_stays_beside_the_mechanism() -> None:
     """In Foxglove one line of a reason went right through the picture, and both of its ends were outside."""
-    reason = (
-        "no usable sample for more than 50 ms; Type 1 margin 0.97 cannot be shown not to vanish before standstill"
-    )
+    reason = "no usable sample for more than 50 ms; Type 1 margin 0.97 cannot be shown not to vanish before standstill"
     verdict = Verdict(
         stamp_ns=1,
         level=Level.UNKNOWN,
