@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from command import IRSBOT, PATIENCE_S
+from mcap.reader import make_reader
 
 from irsbot_msgs_py.records import Level, SingularityState
 from irsbot_msgs_py.stamps import NS_PER_S
@@ -22,6 +23,8 @@ from irsbot_supervisor.replay.rejudge import judge_again
 from irsbot_supervisor.sim.closed_loop import BEGIN_NS
 
 ROOT = Path(__file__).parents[1]
+LAYOUTS = ROOT / "ros2_ws/src/irsbot_supervisor/layouts"
+LOOKED_AT = {"/supervisor/state", "/supervisor/verdict"}
 BAGS = sorted(path.parent for path in (ROOT / "bags").glob("*/expected.json"))
 
 
@@ -43,6 +46,19 @@ def test_there_are_ten_bags_and_the_list_of_them_is_complete() -> None:
     listed = re.findall(r"^\| (\w+) \| \w+ \| .* \|$", (ROOT / "bags" / "README.md").read_text(), re.MULTILINE)
     assert sorted(listed[listed.index("pick_and_place") :]) == [bag.name for bag in BAGS]
     assert len(BAGS) >= 10
+
+
+@pytest.mark.parametrize("bag", BAGS, ids=lambda bag: bag.name)
+def test_every_bag_has_the_topics_of_the_layouts_under_their_full_names(bag: Path) -> None:
+    """As a recorder of ROS has them: a viewer takes `supervisor/state` for another topic than `/supervisor/state`."""
+    (file,) = bag.glob("*.mcap")
+    with file.open("rb") as stream:
+        summary = make_reader(stream).get_summary()
+    assert summary is not None
+    names = {channel.topic for channel in summary.channels.values()}
+    assert names == {"/joint_states", *(f"/supervisor/{name}" for name in ("journal", "state", "verdict"))}
+    for text in ((LAYOUTS / name).read_text() for name in ("foxglove.json", "plotjuggler.xml")):
+        assert set(re.findall(r'"(/supervisor/(?:state|verdict))\b', text)) == names & LOOKED_AT
 
 
 @pytest.mark.parametrize(

@@ -57,6 +57,7 @@ def test_a_record_has_the_fields_of_its_message_in_order(record):
     [
         ("SingularityState", "CAUSE_", Cause),
         ("SingularityState", "", Level),
+        ("Verdict", "", Level),
         ("RecorderHealth", "", RecorderState),
         ("GateStatus", "COMMAND_", GateCommand),
         ("GateStatus", "OUTCOME_", GateOutcome),

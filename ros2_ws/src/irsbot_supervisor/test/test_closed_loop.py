@@ -10,6 +10,7 @@ import pytest
 
 from irsbot_msgs_py.records import Cause, Level
 from irsbot_msgs_py.stamps import NS_PER_S
+from irsbot_supervisor.bag.bag import Bag
 from irsbot_supervisor.configuration.loading import read_settings, shipped_values
 from irsbot_supervisor.replay.recording import read_recording
 from irsbot_supervisor.sim.closed_loop import BEGIN_NS, Cycle, GuidedRobot, cycles, record
@@ -104,6 +105,9 @@ def test_a_recording_equals_the_run(tmp_path: Path):
     verdicts = [one for step in steps for one in step.verdicts]
     assert stated == [(one.sequence, one.level, one.causes, one.text, one.since_ns) for one in verdicts]
     assert len(recording.journal) == 2  # the settings and the reset
+    with Bag(target) as opened:
+        names = {topic.name for topic in opened.topics()}
+    assert names == {"/joint_states", "/supervisor/journal", "/supervisor/state", "/supervisor/verdict"}
     assert not recording.loss
 
 

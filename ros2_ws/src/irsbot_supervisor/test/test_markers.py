@@ -19,9 +19,10 @@ from visualization_msgs.msg import Marker, MarkerArray
 import irsbot_kinematics as irs
 from irsbot_kinematics.conformance.samples import Machine
 from irsbot_kinematics.mechanism import Status
-from irsbot_msgs_py.records import Level
+from irsbot_msgs_py.records import Cause, Level, Verdict
 from irsbot_supervisor.nodes.later import Steps
 from irsbot_supervisor.nodes.loci import FIRST, Asked, Loci, drawn, segments
+from irsbot_supervisor.nodes.markers import COLUMNS, stated
 from irsbot_supervisor.processes.worker import Task, WorkerError
 from irsbot_supervisor.report.sections import AGAIN_S, SHIFT, TURN
 
@@ -113,6 +114,31 @@ def test_a_section_without_a_kind_of_locus_deletes_its_marker() -> None:
     ).markers
     assert (type1.action, bool(type1.points)) == (Marker.ADD, True)
     assert (type2.action, bool(type2.points)) == (Marker.DELETE, False)
+
+
+def test_a_long_reason_stays_beside_the_mechanism() -> None:
+    """In Foxglove one line of a reason went right through the picture, and both of its ends were outside."""
+    reason = "no usable sample for more than 50 ms; Type 1 margin 0.97 cannot be shown not to vanish before standstill"
+    verdict = Verdict(
+        stamp_ns=1,
+        level=Level.UNKNOWN,
+        causes=Cause.STALE | Cause.BRAKING,
+        latched=False,
+        event=0,
+        escape_direction=(),
+        text=reason,
+        sequence=1,
+        config_hash="",
+        since_ns=1,
+        speed_scale=0.0,
+        findings=(),
+    )
+    state: Any = SimpleNamespace(stop_cause=Cause.NONE, stop_margin=math.nan)
+    level, *lines = stated(state, verdict).splitlines()
+    assert level.startswith("UNKNOWN")
+    assert len(lines) > 1
+    assert max(map(len, lines)) <= COLUMNS
+    assert " ".join(lines) == reason
 
 
 def test_a_thinned_curve_keeps_its_ends_and_its_interruption() -> None:

@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterable, Sequence
 from math import hypot, isfinite
 from operator import mul, neg
+from textwrap import fill
 
 from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import Point, Vector3
@@ -39,6 +40,9 @@ SIZE = 0.06
 
 WIDTH = 0.02
 """Of links, likewise."""
+
+COLUMNS = 48
+"""Characters of a line of text: about as wide as the mechanism. A verdict may have several hundred."""
 
 LINK, RAIL = (0.55, 0.6, 0.68), (0.4, 0.4, 0.4)
 """Red, green, blue of links, and of the base with what stands out from it."""
@@ -160,7 +164,7 @@ def stated(state: SingularityState, verdict: Verdict) -> str:
     level = f"{verdict.level.name} ({causes})" if causes else verdict.level.name
     margin = MARGINS.get(Cause(state.stop_cause))
     if margin is None or not isfinite(state.stop_margin):
-        return f"{level}\n{verdict.text}".strip()
+        return f"{level}\n{fill(verdict.text, COLUMNS)}".strip()
     return f"{level}\n{margin} {state.stop_margin:.3f}, stop {state.stop_limit:.3f}"
 
 

@@ -104,18 +104,18 @@ def record(run: Iterator[Cycle], seconds: float, robot: Robot, settings: Setting
     """Record the first seconds of a run as the recorder does. Raises BagError."""
     with BagWriter(target, compression="zstd") as opened:
         entry = configured(settings, robot, BEGIN_NS, STEADY_NS)
-        opened.add("supervisor/journal", write_entry(entry), BEGIN_NS)
+        opened.add("/supervisor/journal", write_entry(entry), BEGIN_NS)
         for cycle in run:
             if cycle.now_ns > BEGIN_NS + seconds * NS_PER_S:
                 break
             for sample in cycle.sent:
-                opened.add("joint_states", sample, cycle.now_ns)
+                opened.add("/joint_states", sample, cycle.now_ns)
             for reset in cycle.resets:
-                opened.add("supervisor/journal", write_entry(reset), cycle.now_ns)
+                opened.add("/supervisor/journal", write_entry(reset), cycle.now_ns)
             for state in cycle.states:
-                opened.add("supervisor/state", state, cycle.now_ns)
+                opened.add("/supervisor/state", state, cycle.now_ns)
             for verdict in cycle.verdicts:
-                opened.add("supervisor/verdict", verdict, cycle.now_ns)
+                opened.add("/supervisor/verdict", verdict, cycle.now_ns)
 
 
 class GuidedRobot:
