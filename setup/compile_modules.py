@@ -39,7 +39,7 @@ GROUPS = {
 }
 """Modules that are compiled together: calls within a group are as cheap as in C. Two groups compile side by side."""
 
-TOOLS = ("compile_modules.py", "specialise.py")
+TOOLS = ("compile_modules.py", "specialise.py", "strict_zips.py")
 """Modules whose change compiles everything again, as a change of a source does."""
 
 INDEX = "irsbot_compiled.py"

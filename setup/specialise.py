@@ -3,6 +3,9 @@
 The equations of the mechanisms take numbers of type `N` and an `Arithmetic[N]` beside them. A compiler makes native
 arithmetic of `float` alone. So of every function whose signature names `N` there are two forms in the result: the
 function as it is, on objects, and `<name>__float` on floats, which is called wherever the caller says `FLOATS`.
+
+Loops over `zip(..., strict=True)` take a form that is native too (`strict_zips`).
+
 Nothing else of a module changes, and the order of all operations stays: both forms give the same bits.
 """
 
@@ -11,6 +14,8 @@ from __future__ import annotations
 import ast
 import re
 from typing import NamedTuple
+
+from strict_zips import FUTURE, native
 
 OBJECT = "Any"
 FLOAT = "float"
@@ -131,7 +136,7 @@ def _with_header(name: str, text: str) -> str:
     header = HEADER + (f"from {ARITHMETIC} import FLOATS, {ours}" if name != ARITHMETIC else "")
     if name == f"{KINEMATICS}.mechanism":
         text += FOLLOW
-    return text.replace("from __future__ import annotations\n", f"from __future__ import annotations; {header}\n", 1)
+    return native(text.replace(f"{FUTURE}\n", f"{FUTURE}; {header}\n", 1))
 
 
 def _rewritten(text: str, floats: bool, known: set[str]) -> str:

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Iterator
 from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -19,6 +20,7 @@ SOURCE = ROOT / "ros2_ws" / "src"
 CAMPAIGN = ROOT / "tests" / "campaigns" / "compiled.py"
 sys.path.insert(0, str(ROOT / "setup"))
 compile_modules = importlib.import_module("compile_modules")
+strict_zips = importlib.import_module("strict_zips")
 specialise = importlib.import_module("specialise")
 
 
@@ -69,6 +71,75 @@ def test_classes_of_the_core_can_be_copied_and_those_of_mechanisms_derived_from(
     )
     text = specialise.specialised("irsbot_kinematics.toy", source, set())
     assert "@mypyc_attr(native_class=False)\nclass Kept:" in text
+
+
+LOOPS = '''"""Toy."""
+
+from __future__ import annotations
+
+from operator import add
+
+
+def sums(left: list[float], right: list[float]) -> list[float]:
+    return [a + b for a, b in zip(left, right, strict=True)]
+
+
+def numbered(left: list[float], right: list[float]) -> list[float]:
+    found = []
+    for i, (a, b, c) in enumerate(
+        zip(
+            [2.0 * value for value in left],  # a comment
+            right,
+            left,
+            strict=True,
+        )
+    ):
+        found.append(i * a - b + c)
+    return found
+
+
+def of_iterators(left: list[float], right: list[float]) -> list[float]:
+    twice = map(add, left, left)
+    return [a + b for a, b in zip(right, twice, strict=True)] + [c for c, _ in zip(left, map(abs, left), strict=True)]
+
+
+def lenient(left: list[float], right: list[float]) -> list[float]:
+    return [a + b for a, b in zip(left, right[1:], strict=False)]
+
+
+def line() -> int:
+    return 0
+'''
+
+
+@pytest.fixture(scope="module")
+def loops() -> tuple[dict[str, Any], dict[str, Any], str]:
+    """The toy module as it is and with native loops, and the text of the second one."""
+    text = strict_zips.native(LOOPS)
+    plain: dict[str, Any] = {"__name__": "plain"}
+    native: dict[str, Any] = {"__name__": "native"}
+    exec(compile(LOOPS, "plain", "exec"), plain)
+    exec(compile(text, "native", "exec"), native)
+    return plain, native, text
+
+
+def test_native_loops_give_the_same_results_and_move_no_line(loops: tuple[dict[str, Any], dict[str, Any], str]):
+    plain, native, text = loops
+    for name in ("sums", "numbered", "of_iterators", "lenient"):
+        assert native[name]([1.0, -8.0, 2.5], [3.0, 0.5, 7.0]) == plain[name]([1.0, -8.0, 2.5], [3.0, 0.5, 7.0]), name
+    assert text.count("strict=True") == 2, "loops over iterators stay as they are"
+    assert "zip(left, as_long__(right, left))" in text
+    assert native["line"].__code__.co_firstlineno == plain["line"].__code__.co_firstlineno
+
+
+@pytest.mark.parametrize("name", ["sums", "numbered"])
+def test_native_loops_refuse_sequences_of_different_lengths(
+    name: str, loops: tuple[dict[str, Any], dict[str, Any], str]
+):
+    for left, right in (([1.0], [1.0, 2.0]), ([1.0, 2.0], [1.0]), ([], [1.0])):
+        for form in loops[:2]:
+            with pytest.raises(ValueError, match="zip"):
+                form[name](left, right)
 
 
 def test_another_compiler_of_ours_means_another_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
