@@ -11,13 +11,13 @@ import pytest
 
 pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
-from gated import PATIENCE_S, Opened
+from gated import PATIENCE_S, Opened, set_clock
 from supervised import at_ns, feed, joints_of, ready, resting, sample, supervisor_of, tick
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from irsbot_msgs_py.records import Floats, JointSample, Level
 from irsbot_supervisor.core.supervisor import Supervisor
-from irsbot_supervisor.nodes import commands, gate
+from irsbot_supervisor.nodes import commands
 
 pytestmark = pytest.mark.ros
 
@@ -29,7 +29,7 @@ NEAR = (0.0, -1.198)
 def clock(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     """The gate's steady clock: `now_ns` is the time of the test."""
     now = SimpleNamespace(now_ns=at_ns(0)[1])
-    monkeypatch.setattr(gate, "time", SimpleNamespace(monotonic_ns=lambda: now.now_ns))
+    set_clock(monkeypatch, lambda: now.now_ns)
     return now
 
 
@@ -262,7 +262,7 @@ def stopped() -> Supervisor:
 def test_commands_before_an_activation_do_not_count_in_it(monkeypatch: pytest.MonkeyPatch):
     """A way out that had begun gives a robot that moves meanwhile no leave to go on."""
     supervisor = stopped()
-    monkeypatch.setattr(gate, "time", SimpleNamespace(monotonic_ns=lambda: supervisor.view.seen_ns))
+    set_clock(monkeypatch, lambda: supervisor.view.seen_ns)
     opened = Opened(supervisor)
     away = tuple(0.2 * share for share in supervisor.view.judgement.escape.direction)
     assert any(opened.rates(*away))

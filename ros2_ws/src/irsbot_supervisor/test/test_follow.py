@@ -12,14 +12,13 @@ import pytest
 pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
 from builtin_interfaces.msg import Duration, Time
-from gated import Opened
+from gated import Opened, set_clock
 from std_msgs.msg import Header
 from supervised import at_ns, feed, joints_of, ready, sample
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from irsbot_msgs_py.records import Floats
 from irsbot_supervisor.nodes import follow as module
-from irsbot_supervisor.nodes import gate as gate_module
 from irsbot_supervisor.nodes.follow import FollowServer
 
 pytestmark = pytest.mark.ros
@@ -74,7 +73,7 @@ class Served:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now_ms = 0.0
-        monkeypatch.setattr(gate_module, "time", SimpleNamespace(monotonic_ns=lambda: at_ns(self.now_ms)[1]))
+        set_clock(monkeypatch, lambda: at_ns(self.now_ms)[1])
         accepted: dict[str, Any] = {}
         monkeypatch.setattr(module, "ActionServer", lambda *_args, **callbacks: accepted.update(callbacks))
         supervisor, self.here = ready()

@@ -15,6 +15,7 @@ pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 import rclpy
 from builtin_interfaces.msg import Duration
 from cell import NAMES, PATIENCE_S
+from gated import set_clock
 from irsbot_msgs.msg import GateStatus as GateStatusMsg
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -26,7 +27,6 @@ from irsbot_msgs_py.convert import gate_status_record
 from irsbot_msgs_py.gate_status import GateCommand, GateOutcome, GateReason, GateStatus
 from irsbot_msgs_py.records import Cause, Floats, Level
 from irsbot_supervisor.core.supervisor import Supervisor
-from irsbot_supervisor.nodes import gate as module
 from irsbot_supervisor.nodes.gate import CommandGate
 from irsbot_supervisor.processes.suite import free_domain
 
@@ -105,7 +105,7 @@ def context() -> Iterator[rclpy.Context]:
 def clock(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     """The gate's steady clock: `now_ns` is the time of the test."""
     now = SimpleNamespace(now_ns=at_ns(0)[1])
-    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic_ns=lambda: now.now_ns))
+    set_clock(monkeypatch, lambda: now.now_ns)
     return now
 
 

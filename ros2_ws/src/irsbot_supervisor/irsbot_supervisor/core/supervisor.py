@@ -28,12 +28,12 @@ from irsbot_supervisor.core.assessment import SOLVED, Assessment, Assessor
 from irsbot_supervisor.core.box_search import BoxBounds, spare_of
 from irsbot_supervisor.core.escape import NO_ESCAPE, escape_of
 from irsbot_supervisor.core.estimation.estimate import Estimate
-from irsbot_supervisor.core.estimation.estimator import Estimator, EstimatorMemory
+from irsbot_supervisor.core.estimation.estimator import Estimator
 from irsbot_supervisor.core.estimation.sample_interval import SETTLING
 from irsbot_supervisor.core.events import Configure, Event, Step
 from irsbot_supervisor.core.latch import Latch
 from irsbot_supervisor.core.margins import Margins, margins_of
-from irsbot_supervisor.core.memory import Memory
+from irsbot_supervisor.core.memory import EstimatorMemory, Memory
 from irsbot_supervisor.core.policy import Policy
 from irsbot_supervisor.core.position_limits import PositionLimits
 from irsbot_supervisor.core.report import Moment, Reporter

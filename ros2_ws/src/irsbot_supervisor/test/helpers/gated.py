@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from threading import Condition
 from types import SimpleNamespace
 from typing import Any
 
+import pytest
 from builtin_interfaces.msg import Duration
 from controllers import FakeTrajectoryController, FakeVelocityController
 from std_msgs.msg import Float64MultiArray
@@ -13,9 +15,16 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from irsbot_msgs_py.records import Floats
 from irsbot_supervisor.core.supervisor import Supervisor
+from irsbot_supervisor.nodes import gate, gate_output
 from irsbot_supervisor.nodes.gate import CommandGate
 
 PATIENCE_S = 120.0
+
+
+def set_clock(monkeypatch: pytest.MonkeyPatch, now_ns: Callable[[], int]) -> None:
+    """Give the gate another steady clock, ns."""
+    for module in (gate, gate_output):
+        monkeypatch.setattr(module, "time", SimpleNamespace(monotonic_ns=now_ns))
 
 
 class FakeNode:

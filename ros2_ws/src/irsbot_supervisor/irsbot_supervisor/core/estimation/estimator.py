@@ -9,16 +9,16 @@ from irsbot_msgs_py.records import Cause, Floats
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.core.estimation.clock_steps import passed_s, stamped_s, step_ns, was_set
 from irsbot_supervisor.core.estimation.estimate import Estimate, Silence, Speeds
-from irsbot_supervisor.core.estimation.frozen import Frozen, Still, Suspicion
+from irsbot_supervisor.core.estimation.frozen import Frozen, Suspicion
 from irsbot_supervisor.core.estimation.jumps import Jumps
-from irsbot_supervisor.core.estimation.observer import Observer, ObserverMemory, excess
+from irsbot_supervisor.core.estimation.observer import Observer, excess
 from irsbot_supervisor.core.estimation.reported import Reported
 from irsbot_supervisor.core.estimation.sample_interval import (
-    IntervalMemory,
     SampleIntervals,
     SecondLargest,
     judging_time,
 )
+from irsbot_supervisor.core.memory import EstimatorMemory, Standstill
 from irsbot_supervisor.core.reachable_box import ReachableBox
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.core.validation import Accepted, Rejected
@@ -39,26 +39,6 @@ class Wait(NamedTuple):
     usual_s: float  # at the present interval of the sender
     late: bool  # True if samples have come more rarely than that
     rare: bool  # and more rarely than heartbeats
-
-
-class Standstill(NamedTuple):
-    """Since when the joints stand."""
-
-    rest: Floats  # rad or m: positions since which no joint has moved faster than the standstill speed
-    rest_ns: int  # time of these positions
-    stood_ns: int  # time since which no joint has moved faster
-
-
-class EstimatorMemory(NamedTuple):
-    """What `Estimator` remembers, as long as it is `quiet`."""
-
-    last: Estimate | None
-    before: Estimate | None  # the one before the last
-    observer: ObserverMemory
-    reported: tuple[Accepted, ...]
-    intervals: IntervalMemory
-    still: dict[int, Still]  # joints whose position may be frozen, by number
-    standstill: Standstill
 
 
 class Estimator:

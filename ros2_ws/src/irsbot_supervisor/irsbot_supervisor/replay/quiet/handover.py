@@ -14,9 +14,9 @@ import numpy as np
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.bag.joint_columns import JointColumns, Times, Values
 from irsbot_supervisor.core.estimation.estimate import Estimate, Speeds
-from irsbot_supervisor.core.estimation.estimator import EstimatorMemory, Standstill
 from irsbot_supervisor.core.estimation.observer import ObserverMemory
 from irsbot_supervisor.core.estimation.sample_interval import IntervalMemory, SecondLargestMemory
+from irsbot_supervisor.core.memory import EstimatorMemory, Standstill
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.core.supervisor import Supervisor
 from irsbot_supervisor.core.validation import Accepted
