@@ -377,6 +377,18 @@ def test_all_tests_are_spread_over_the_cores_and_a_file_stays_in_one_process(mod
     assert "--dist=loadfile" in command
 
 
+def test_files_with_nodes_come_first_then_slow_ones(tmp_path):
+    shutil.copy(ROOT / "conftest.py", tmp_path)
+    (tmp_path / "pytest.ini").write_text("[pytest]\nmarkers =\n    ros\n    slow\n")
+    for name, mark in (("a", "xfail"), ("b", "slow"), ("c", "ros"), ("d", "slow")):
+        test = f"import pytest\n\ndef test_first():\n    pass\n\n@pytest.mark.{mark}\ndef test_second():\n    pass\n"
+        (tmp_path / f"test_{name}.py").write_text(test)
+    command = [sys.executable, "-m", "pytest", "--collect-only", "-q", "-p", "no:cacheprovider"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    collected = [line for line in done.stdout.splitlines() if "::" in line]
+    assert collected == [f"test_{name}.py::test_{which}" for name in "cbda" for which in ("first", "second")]
+
+
 INTERRUPTED = """
 import os, signal, sys
 from pathlib import Path

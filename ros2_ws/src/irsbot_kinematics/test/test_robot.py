@@ -16,6 +16,8 @@ import irsbot_kinematics as irs
 from irsbot_kinematics.batch import CHUNK
 from irsbot_kinematics.numerics.arithmetic import FLOATS
 
+pytestmark = pytest.mark.slow
+
 EQUAL = 1e-12
 every_robot = pytest.mark.parametrize("name", NAMES)
 
