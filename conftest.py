@@ -51,6 +51,16 @@ with suppress(ImportError):  # where pytest-xdist is missing, nothing is spread
         return NodesTogether(config, log)
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Files with nodes first, then slow ones: a long file that begins last leaves the other processes idle."""
+    items.sort(key=lambda item: (not _starts_nodes(item.path), not _is_slow(item.path)))
+
+
 @cache
 def _starts_nodes(path: Path) -> bool:
     return "mark.ros" in path.read_text(encoding="utf-8")
+
+
+@cache
+def _is_slow(path: Path) -> bool:
+    return "mark.slow" in path.read_text(encoding="utf-8")

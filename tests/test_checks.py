@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
 from contextlib import suppress
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
 
 
 def test_every_check_runs_and_one_failure_fails_the_whole(modules, tmp_path, capfd):
@@ -31,6 +35,18 @@ def test_all_tests_are_spread_over_the_cores_and_a_file_stays_in_one_process(mod
     workers = int(next(word for word in command if word.startswith("--numprocesses=")).partition("=")[2])
     assert 1 <= workers <= len(os.sched_getaffinity(0))
     assert "--dist=loadfile" in command
+
+
+def test_files_with_nodes_come_first_then_slow_ones(tmp_path):
+    shutil.copy(ROOT / "conftest.py", tmp_path)
+    (tmp_path / "pytest.ini").write_text("[pytest]\nmarkers =\n    ros\n    slow\n")
+    for name, mark in (("a", "xfail"), ("b", "slow"), ("c", "ros"), ("d", "slow")):
+        test = f"import pytest\n\ndef test_first():\n    pass\n\n@pytest.mark.{mark}\ndef test_second():\n    pass\n"
+        (tmp_path / f"test_{name}.py").write_text(test)
+    command = [sys.executable, "-m", "pytest", "--collect-only", "-q", "-p", "no:cacheprovider"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    collected = [line for line in done.stdout.splitlines() if "::" in line]
+    assert collected == [f"test_{name}.py::test_{which}" for name in "cbda" for which in ("first", "second")]
 
 
 INTERRUPTED = """

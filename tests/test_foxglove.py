@@ -63,9 +63,7 @@ class Served:
         deadline = time.monotonic() + PATIENCE_S
         while True:
             try:
-                return connect(
-                    f"ws://localhost:{self.port}", subprotocols=[PROTOCOL], max_size=None, ping_interval=None
-                )
+                return connect(f"ws://localhost:{self.port}", subprotocols=[PROTOCOL], **PATIENT)
             except OSError:
                 assert time.monotonic() < deadline
                 assert self.process.poll() is None

@@ -16,6 +16,8 @@ from irsbot_kinematics.mechanisms.orthoglide import Orthoglide
 from irsbot_kinematics.mechanisms.rrr3_base import Rrr3Base
 from irsbot_kinematics.numerics.arithmetic import ARRAYS
 
+pytestmark = pytest.mark.slow
+
 GEOMETRY = DeltaGeometry(2.0, (0.0, 4.0))
 
 

@@ -13,6 +13,8 @@ from postures import NAMES, ROBOTS, Sample, apart, random_joints, samples, vecto
 
 from irsbot_kinematics.mechanisms import TOPOLOGIES
 
+pytestmark = pytest.mark.slow
+
 ROUNDING = 1e-12
 """Relative: some ten thousand units in the last place, for chains of a few dozen operations."""
 STENCIL_S = 2e-4

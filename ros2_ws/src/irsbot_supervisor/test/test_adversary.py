@@ -20,6 +20,8 @@ from irsbot_supervisor.validation.in_process.deceit import BEGIN_NS, ERRORS, LAG
 from irsbot_supervisor.validation.in_process.hostile import DrivenMotion, Push
 from irsbot_supervisor.validation.in_process.schemes import SCHEMES
 
+pytestmark = pytest.mark.slow
+
 SEEDS = st.integers(0, 2**32 - 1)
 FINE_S = 2e-5
 

@@ -37,6 +37,8 @@ from irsbot_supervisor.validation.registry import ENTRIES
 from irsbot_supervisor.validation.runner import Order, run_rows, run_rows_on
 from irsbot_supervisor.validation.with_nodes import resets
 
+pytestmark = pytest.mark.slow
+
 AMOUNTS = {
     "approach": 26,
     "swings": 6,

@@ -25,6 +25,8 @@ from irsbot_supervisor.core.supervisor import Supervisor
 from irsbot_supervisor.sim.closed_loop import BEGIN_NS, cycles
 from irsbot_supervisor.sim.simulation import simulation_from
 
+pytestmark = pytest.mark.slow
+
 RATE_HZ = 500.0
 IRSBOT2 = Plant((12.0,), (400.0,), 0.01, RATE_HZ, 1e-5, 0.0, 0.0, 20.0 / 3.0)
 

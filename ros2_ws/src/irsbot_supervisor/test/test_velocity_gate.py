@@ -20,6 +20,8 @@ from irsbot_supervisor.gate.answer import PASSED, Answer
 from irsbot_supervisor.gate.velocity_gate import Gate
 from irsbot_supervisor.sim.closed_loop import GuidedRobot
 
+pytestmark = pytest.mark.slow
+
 ROBOTS = ("irsbot2", "irsbot2_beta45", "irsbot2_csc", "five_bar", "rrr3", "orthoglide", "triaglide")
 LOST = 0.003
 """What a margin may lose on the way out, of 0.15 that it has: the bounds of a short way are that near to the truth."""
