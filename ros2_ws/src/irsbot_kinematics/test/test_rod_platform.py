@@ -64,24 +64,3 @@ def test_its_bounds_lie_near_those_written_by_hand(slack):
         shares.append((at.type2 - mine) / (at.type2 - theirs))
     assert len(shares) > 3
     assert max(shares) < 1.5
-
-
-@pytest.mark.parametrize("name", ["rrr3_base", "rpr3", "ruu4"])
-def test_all_labels_of_the_same_joints_are_one_solution_and_are_what_each_alone_would_be(name, monkeypatch):
-    robot, solved = irs.make_robot(name), []
-    closing = type(robot.mechanism).closing
-
-    def counted(self, *given):
-        solved.append(self)
-        return closing(self, *given)
-
-    monkeypatch.setattr(type(robot.mechanism), "closing", counted)
-    first = tuple(robot.mechanism.posture((0.9,) * len(robot.mechanism.joints), 1).joints)
-    other = (first[0] + 1e-9, *first[1:])
-    for joints in (first, other, first):
-        solved.clear()
-        found = [robot.mechanism.posture(joints, label) for label in robot.mechanism.assembly_modes]
-        assert len(solved) <= 1
-        for label, at in zip(robot.mechanism.assembly_modes, found, strict=True):
-            alone = irs.make_robot(name).mechanism.posture(joints, label)
-            assert repr(at) == repr(alone), label

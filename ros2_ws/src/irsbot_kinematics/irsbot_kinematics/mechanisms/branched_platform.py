@@ -77,8 +77,6 @@ class BranchedPlatform(TurningPlatform):
     """B_i relative to the platform point for turn 0, m."""
     size_m: float
     """m: approximate size of the robot; polynomials and closure errors are divided by it."""
-    _latest: tuple[bytes, Poses] | None = None
-    """The joint positions that were solved last, and their assemblies."""
 
     def __init__(self, corners: Sequence[Point], joints: Sequence[Coordinate], size_m: float) -> None:
         """corners: B_i seen from the platform point, m; joints: of every leg; size_m: about the size of the robot, m.
@@ -139,13 +137,9 @@ class BranchedPlatform(TurningPlatform):
 
     def assemblies(self, joints: Sequence[Array]) -> Poses:
         """All poses of joint positions, each (N,), ordered by the size of the turn; of two equal sizes the negative one
-        first. The last answer is kept: labels of the same joints are asked for one after another."""
-        asked, latest = np.stack(joints).tobytes(), self._latest
-        if latest is None or latest[0] != asked:
-            with np.errstate(all="ignore"):  # candidates that do not close may divide by zero; they are not valid
-                latest = asked, self._assemblies(joints)
-            self._latest = latest
-        return latest[1]
+        first."""
+        with np.errstate(all="ignore"):  # candidates that do not close may divide by zero; they are not valid
+            return self._assemblies(joints)
 
     def _assemblies(self, joints: Sequence[Array]) -> Poses:
         cosine, sine = np.cos(SAMPLED_TURNS), np.sin(SAMPLED_TURNS)
