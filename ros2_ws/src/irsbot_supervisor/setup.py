@@ -30,6 +30,7 @@ setup(
         "polars",
         "distributed",
         "websockets",
+        "orjson",
     ],
     extras_require={
         "foxglove": ["foxglove-sdk"],

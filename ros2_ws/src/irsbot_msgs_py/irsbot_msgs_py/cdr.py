@@ -36,6 +36,9 @@ _VERDICT_FIXED = Verdict._fields.index("findings")  # fields of the record befor
 _VERDICT_SEQUENCE = [kind for kind in VERDICT if kind not in ("header", "s")].index("Q") + 2  # behind those of a stamp
 _STAMP_END = ORIGIN + 2 * SIZES["I"]
 
+_VERDICT_EVENT = [kind for kind in VERDICT if kind not in ("header", "s")].index("I", 2) + 2  # likewise
+_VERDICT_BYPASS = slice(-20, -8)  # of the last bytes; which of them it is, depends on version and padding
+
 _cause = lru_cache(maxsize=4096)(Cause)  # making a member takes as long as reading a whole message
 
 
@@ -100,6 +103,13 @@ class VerdictReader:
         self._verdict: Verdict | None = None
         self._head = self._tail = b""  # of the last that was decoded, between stamp and sequence, and behind
         self._sequence = 0  # first byte of its sequence
+        self._order = self._bypass = b""  # of the last that was decoded: stamp to event, and what holds the bypass
+        self._event = 0  # first byte behind its event
+
+    def says_the_same(self, data: bytes) -> bool:
+        """Whether a verdict surely has level, causes, latch, event and bypass of the last that was read. Texts and
+        findings, which change with every sample, are not looked at."""
+        return data[_STAMP_END : self._event] == self._order and data[_VERDICT_BYPASS] == self._bypass
 
     def read(self, data: bytes) -> Verdict:
         """Decode the next irsbot_msgs/Verdict. Raises CdrError; the verdict before stays known."""
@@ -110,6 +120,9 @@ class VerdictReader:
         self._verdict = decode_verdict(data)
         _code, begin, _count = _verdict.numbers[_VERDICT_SEQUENCE]
         self._sequence, self._head, self._tail = begin, data[_STAMP_END:begin], data[begin + SIZES["Q"] :]
+        _code, begin, _count = _verdict.numbers[_VERDICT_EVENT]
+        self._event = begin + SIZES["I"]
+        self._order, self._bypass = data[_STAMP_END : self._event], data[_VERDICT_BYPASS]
         return self._verdict
 
 

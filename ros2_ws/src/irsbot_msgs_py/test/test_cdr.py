@@ -5,6 +5,7 @@ from __future__ import annotations
 from contextlib import suppress
 from math import inf, nan
 from struct import pack
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -145,6 +146,40 @@ def test_a_reader_of_a_stream_of_verdicts_reads_what_each_says(changes: list[dic
     for change in changes:
         verdict = verdict._replace(**change)
         assert reader.read(cdr.encode_verdict(verdict)) == verdict
+
+
+ORDERS = st.fixed_dictionaries(
+    {"change": CHANGES},
+    optional={
+        "level": st.sampled_from([Level.OK, Level.STOP]),
+        "causes": st.sampled_from([Cause.TYPE1, Cause.TYPE1 | Cause.LIMB]),
+        "event": st.integers(3, 4),
+        "bypassed": st.sampled_from([Cause.NONE, Cause.LIMB]),
+        "escape_cause": st.sampled_from([Cause.NONE, Cause.POSITION]),
+    },
+)
+
+
+def _ordered(change: dict[str, object], **order: object) -> Verdict:
+    return VERDICT._replace(**change)._replace(**order)
+
+
+@given(ORDERS, ORDERS, st.sampled_from(("", "1", "mm")))
+def test_a_verdict_that_says_the_same_has_the_same_order(one: dict[str, Any], other: dict[str, Any], unit: str):
+    reader, first, second = cdr.VerdictReader(), _ordered(**one), _ordered(**other)
+    second = second._replace(findings=tuple(each._replace(unit=unit) for each in second.findings))
+    reader.read(cdr.encode_verdict(first))
+    order = ("level", "causes", "latched", "event", "bypassed")
+    if reader.says_the_same(cdr.encode_verdict(second)):
+        assert [getattr(first, name) for name in order] == [getattr(second, name) for name in order]
+
+
+def test_a_verdict_with_other_numbers_and_texts_says_the_same_and_before_the_first_none_does():
+    reader, told = cdr.VerdictReader(), VERDICT._replace(bypassed=Cause.NONE, bypass_left=0.0)
+    other = told._replace(text="halt", sequence=7, findings=(FINDING, FINDING._replace(value=0.02, text=FINDING.text)))
+    assert not reader.says_the_same(cdr.encode_verdict(told))
+    reader.read(cdr.encode_verdict(told))
+    assert reader.says_the_same(cdr.encode_verdict(other))
 
 
 def test_a_reader_of_verdicts_refuses_what_is_cut_and_goes_on():

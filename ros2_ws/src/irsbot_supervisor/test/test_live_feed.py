@@ -11,15 +11,16 @@ from typing import Any
 import numpy as np
 import pytest
 
+import irsbot_kinematics as irs
 from irsbot_kinematics.conformance.samples import Machine
 from irsbot_kinematics.description.robot_record import robot_record
 from irsbot_kinematics.mechanism import Status
-from irsbot_msgs_py.cdr import encode_state
+from irsbot_msgs_py.cdr import encode_state, encode_verdict
 from irsbot_msgs_py.records import Level, SingularityState, unknown_state
 from irsbot_supervisor.bag.journal import write_entry
 from irsbot_supervisor.configuration.loading import read_settings
 from irsbot_supervisor.core.margins import MARGIN_CAUSES
-from irsbot_supervisor.live.feed import HISTORY_S, Feed, Known
+from irsbot_supervisor.live.feed import BOX_EVERY, HISTORY_S, Feed, Known
 from irsbot_supervisor.live.scene import COLUMNS, Scene, drawn
 from irsbot_supervisor.processes.observed import Observed
 from irsbot_supervisor.replay.recording import Recording, read_recording
@@ -56,7 +57,7 @@ class Told:
             if isinstance(message, SingularityState):
                 self.observed.hear_states([encode_state(message)], [time_ns * 1e-9])
             else:
-                self.observed.hear_verdict(message, time_ns * 1e-9)
+                self.observed.hear_verdicts([encode_verdict(message)], [time_ns * 1e-9])
         self.feed.hear(self.observed.look(self.now_s), self.now_s)
 
     def play(self) -> None:
@@ -95,7 +96,7 @@ def test_a_verdict_is_told_when_it_says_something_else(run: Recording) -> None:
         (last._replace(speed_scale=0.25), True),
         (last._replace(speed_scale=0.25, findings=()), True),
     ):
-        told.observed.hear_verdict(verdict, told.now_s)
+        told.observed.hear_verdicts([encode_verdict(verdict)], [told.now_s])
         told.look()
         answer = told.answer(page)
         assert ("verdict" in answer) == said
@@ -181,6 +182,30 @@ def test_a_section_through_another_height_is_asked_for_while_somebody_looks() ->
         assert asked == [one.pose[2] for one in heights]
 
 
+@pytest.mark.parametrize("name", irs.robots())
+def test_a_moving_robot_of_every_kind_is_told_with_its_joints_and_where_it_may_get(name: str) -> None:
+    settings, robot = read_settings(name)
+    at = next(at for at in Machine(robot, 20, 11).postures if at.status == Status.SOLVED)
+    rates = tuple(0.01 * limit for limit in settings.velocity_limit)
+    sizes = len(at.pose), robot.mechanism.limb_count
+    state = unknown_state((0, 0, 0), name, 1, 0, (at.joints, rates), sizes)._replace(
+        pose=at.pose, assembly_mode=at.assembly_mode
+    )
+    seen = (
+        Observed()
+        .look(0.0)
+        ._replace(limits=asdict(settings), machine=robot_record(robot), state=state, state_age_s=0.0, state_hz=1000.0)
+    )
+    feed = Feed(lambda *_: None)
+    for number in range(2 * BOX_EVERY):
+        feed.hear(seen, 0.1 * number)
+        told = json.loads(feed.answer(Known()))
+    names = [one.name for one in robot.mechanism.joints]
+    assert [told["now"]["joints"][name] for name in names] == list(at.joints)
+    assert told["rows"][-1][3] == list(at.pose)
+    assert told["box"]
+
+
 def test_other_limits_of_the_same_robot_keep_its_drawing(run: Recording) -> None:
     told = Told(run)
     told.play()
@@ -255,7 +280,7 @@ def test_a_dip_of_one_sample_and_a_stop_of_one_verdict_stay_in_their_row(run: Re
         told.observed.hear_states([encode_state(one)], [told.now_s])
     told.observed.hear_states([encode_state(calm)[:40]], [told.now_s])
     for verdict in (stop, stop._replace(level=Level.OK)):
-        told.observed.hear_verdict(verdict, told.now_s)
+        told.observed.hear_verdicts([encode_verdict(verdict)], [told.now_s])
     told.observed.hear_states([encode_state(calm)], [told.now_s])
     told.feed.hear(told.observed.look(told.now_s + 0.001), told.now_s + 0.001)
     (row,) = told.answer(known)["rows"]

@@ -14,11 +14,14 @@ pytest.importorskip("websockets.asyncio.client", reason="needs websockets")
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
+from irsbot_msgs_py.records import Cause, Level, Verdict
 from irsbot_supervisor.live import server
 from irsbot_supervisor.live.server import FRAMES, LivePage, names_us, page
 from irsbot_supervisor.processes.observed import Observed, Seen
 
 PATIENCE_S = 60.0
+LONG = 300_000
+VERDICT = Verdict(0, Level.OK, Cause.NONE, False, 0, (), "", 0, "", 0, 1.0, ())
 
 
 class Listener:
@@ -98,6 +101,39 @@ def test_who_does_not_ask_is_told_nothing() -> None:
     served(visit)
 
 
+class Wordy(Listener):
+    """Each look tells of another long verdict."""
+
+    def take(self) -> Seen:
+        text = f"{self.looks} " + "x" * LONG
+        return super().take()._replace(verdict=VERDICT._replace(text=text))
+
+
+def test_frames_do_not_queue_for_a_page_that_asks_and_does_not_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server, "FRAME_S", 1e-3)
+
+    async def both() -> None:
+        told: asyncio.Future[str] = asyncio.get_running_loop().create_future()
+        listener: Any = Wordy()
+        live = LivePage(listener)
+        serving = asyncio.create_task(live.run("127.0.0.1", 0, told.set_result))
+        port = int((await told).rpartition(":")[2])
+        async with connect(f"ws://127.0.0.1:{port}/live", max_size=None, max_queue=1) as socket:
+            begin = listener.looks
+            while listener.looks < begin + 100:
+                await socket.send("")
+                await asyncio.sleep(0)
+            (connection,) = live._visitors
+            assert 0 < connection.transport.get_write_buffer_size() < 2 * LONG
+            told_before = listener.looks
+            while (json.loads(await socket.recv())["now"]["verdict_hz"]) <= told_before:  # it reads again
+                await socket.send("")
+        serving.cancel()
+        await asyncio.gather(serving, return_exceptions=True)
+
+    asyncio.run(asyncio.wait_for(both(), PATIENCE_S))
+
+
 def test_long_words_of_a_page_end_its_connection() -> None:
     async def visit(port: int, _listener: Listener) -> None:
         async with connect(f"ws://127.0.0.1:{port}/live") as socket:
@@ -160,7 +196,7 @@ def test_a_page_that_waits_for_a_look_does_not_hold_up_the_end(monkeypatch: pyte
         port = int((await told).rpartition(":")[2])
         async with connect(f"ws://127.0.0.1:{port}/live") as socket:
             await socket.send("")
-            while not live._looked._waiters:
+            while not any(visitor.left for visitor in live._visitors.values()):
                 await asyncio.sleep(0)
             serving.cancel()
             _done, pending = await asyncio.wait([serving], timeout=PATIENCE_S)

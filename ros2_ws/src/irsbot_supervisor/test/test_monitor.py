@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from irsbot_msgs_py.cdr import encode_state
+from irsbot_msgs_py.cdr import encode_state, encode_verdict
 from irsbot_msgs_py.records import Level
 from irsbot_supervisor.bag.journal import write_entry
 from irsbot_supervisor.cli.monitor import facts
@@ -36,7 +36,7 @@ def heard(run: Recording, count: int = 10_000) -> tuple[Observed, float]:
     now_s = 0.0
     for log_ns, verdict in run.verdicts[:count]:
         now_s = (log_ns - run.sessions[0].ahead_ns) * 1e-9
-        observed.hear_verdict(verdict, now_s)
+        observed.hear_verdicts([encode_verdict(verdict)], [now_s])
     return observed, now_s
 
 
@@ -60,7 +60,8 @@ def test_it_shows_the_newest_messages(run: Recording) -> None:
 def test_it_always_fits_into_80_by_24_characters(run: Recording) -> None:
     observed, now_s = heard(run)
     for _log, verdict in run.verdicts[:60]:
-        observed.hear_verdict(verdict._replace(event=_log, text="long " * 100), now_s)
+        long = verdict._replace(event=_log % 2**32, text="long " * 100)
+        observed.hear_verdicts([encode_verdict(long)], [now_s])
     for at in (observed, Observed()):
         lines = shown(at, now_s).rstrip("\n").split("\n")
         assert len(lines) <= 24

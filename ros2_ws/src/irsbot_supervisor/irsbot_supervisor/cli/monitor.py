@@ -70,10 +70,12 @@ def monitor(
         return
     from irsbot_supervisor.processes.monitoring import Monitor  # needs ROS, which the other commands do not
 
+    if web:
+        from irsbot_supervisor.live.server import run, stand_back
+
+        stand_back()
     with Monitor(domain, namespace.strip("/")) as listener:
         if web:
-            from irsbot_supervisor.live.server import run
-
             run(listener, web_host, web_port, lambda address: out.print(f"live page: {address}   Ctrl-C ends it"))
             return
         if once or as_json:

@@ -23,7 +23,7 @@ FoxglovePort = Annotated[int, typer.Option(help="port for Foxglove", min=1, max=
 
 def check_page(host: str, port: int) -> None:
     """Refuse a page that cannot be served, before anything starts. Raises BadInput."""
-    _need("a page", jinja2="jinja2", websockets="websockets")
+    _need("a page", jinja2="jinja2", orjson="orjson", websockets="websockets")
     _need_address("page", host, port, "--web-port")
 
 

@@ -18,20 +18,20 @@ Columns = list[list[float]]
 
 
 class Extremes:
-    """Reads nothing of a state but FIELDS, at the places where they were in the states before: a fifth of the time of
+    """Reads nothing of a state but FIELDS, at the places where they were in the states before: a tenth of the time of
     decoding it."""
 
     def __init__(self) -> None:
         self._form = Struct("")
-        self._texts: list[tuple[int, bytes]] = []  # place in what is unpacked, and what states of the layout have there
-        self._numbers: list[range] = []  # places of each field
+        self._mask = self._texts = 0  # bits of all texts of a state as one number, and what states of the layout have
+        self._numbers: list[range] = []  # places of each field in what is unpacked
 
     def of(self, states: Sequence[bytes]) -> tuple[list[float], list[float]]:
         """Smallest and largest values of FIELDS over the states, as CDR; NaN where none is known."""
         found: Columns = [[] for _ in FIELDS]
-        for size, group in groupby(states, len):
+        for _size, group in groupby(states, len):
             alike = list(group)
-            read = self._read(alike) if size == self._form.size else None
+            read = self._read(alike)
             if read is not None:
                 _append(found, read)
                 continue
@@ -42,12 +42,11 @@ class Extremes:
 
     def _read(self, states: Sequence[bytes]) -> Columns | None:
         """Values of states of one size; None if one of them has not the learned layout."""
-        if len(states[0]) != self._form.size:
+        mask, texts, number = self._mask, self._texts, int.from_bytes
+        if len(states[0]) != self._form.size or any(number(data, "little") & mask != texts for data in states):
             return None
         columns = list(zip(*self._form.iter_unpack(b"".join(states)), strict=True))
-        if any(columns[place].count(text) < len(states) for place, text in self._texts):
-            return None
-        values = [[columns[place] for place in places] for places in self._numbers]
+        values = [columns[places.start : places.stop] for places in self._numbers]
         return [list(each[0] if len(each) == 1 else map(min, *each)) if each else [] for each in values]
 
     def _learned(self, data: bytes) -> Columns:
@@ -56,19 +55,19 @@ class Extremes:
             layout = state_layout(data)
         except CdrError:
             return [[] for _ in FIELDS]
-        parts = [(part.start, part.stop, "") for part in layout.fixed]
-        parts += [(layout.numbers[name].start, layout.numbers[name].stop, name) for name in FIELDS]
-        form, end, place = "<", 0, 0
-        texts, numbers = [], dict.fromkeys(FIELDS, range(0))
-        for start, stop, name in sorted(parts):
-            count = (stop - start) // 8 if name else 1
-            form += f"{start - end}x{count}d" if name else f"{start - end}x{stop - start}s"
-            if name:
-                numbers[name] = range(place, place + count)
-            else:
-                texts.append((place, data[start:stop]))
+        mask = bytearray(len(data))
+        for part in layout.fixed:
+            mask[part] = b"\xff" * (part.stop - part.start)
+        self._mask = int.from_bytes(mask, "little")
+        self._texts = int.from_bytes(data, "little") & self._mask
+        form, end, place, numbers = "<", 0, 0, dict.fromkeys(FIELDS, range(0))
+        for start, name in sorted((layout.numbers[name].start, name) for name in FIELDS):
+            stop = layout.numbers[name].stop
+            count = (stop - start) // 8
+            form += f"{start - end}x{count}d"
+            numbers[name] = range(place, place + count)
             place, end = place + count, stop
-        self._form, self._texts = Struct(f"{form}{len(data) - end}x"), texts
+        self._form = Struct(f"{form}{len(data) - end}x")
         self._numbers = [numbers[name] for name in FIELDS]
         return self._read([data]) or []
 

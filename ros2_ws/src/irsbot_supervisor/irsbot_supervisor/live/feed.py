@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import isfinite
 from typing import Any
+
+import orjson
 
 from irsbot_kinematics import KinematicsError
 from irsbot_msgs_py.records import CONSUMER_TIMEOUT_S, Floats, SingularityState, Verdict, cause_names
@@ -83,7 +84,7 @@ class Feed:
             self._box = self._box and []
         elif self._count % BOX_EVERY == 0:
             lines = scene.reachable(state, 1.0 / max(seen.state_hz, 1.0)) if self._told else []
-            self._box, self._told = [list(map(_told, line)) for line in lines], False
+            self._box, self._told = lines, False
         self._seen, self._now = (seen, state, now_s), {}
         if seen.changes[-1:] != (self._change,) and seen.changes:
             self._change = seen.changes[-1]
@@ -98,7 +99,8 @@ class Feed:
             self._set({**self._setup, "view": view})
 
     def answer(self, known: Known, left: int = 0) -> str:
-        """JSON: `setup`, `changes`, `verdict` and `box` if the page has others, `rows` since the last, and `now`.
+        """JSON: `setup`, `changes`, `verdict` and `box` if the page has others, `rows` since the last, and `now`; null
+        for numbers that are not finite.
 
         left: frames that the page will be told without asking again.
         """
@@ -119,7 +121,7 @@ class Feed:
         told["rows"] = [self._rows[place] for place in range(len(self._rows) - new, len(self._rows))]
         known.setup, known.row, known.change = self._number, self._count, self._change
         known.verdict, known.box = verdict, self._box
-        return json.dumps(told, allow_nan=False, separators=(",", ":"))
+        return orjson.dumps(told, option=orjson.OPT_SERIALIZE_NUMPY).decode()  # floats of numpy, too
 
     def _configure(self, seen: Seen) -> None:
         before, self._configured = self._scene, (seen.limits, seen.machine)
@@ -148,23 +150,16 @@ class Feed:
 
     def _told_of(self, seen: Seen, state: SingularityState | None, now_s: float) -> dict[str, Any]:
         joints = self._scene.joints(state) if self._scene is not None and state is not None else {}
-        positions = dict(zip(joints, _told(joints.values()), strict=True))
-        return {"t": now_s, **plain(_now(seen, state)), "joints": positions}
+        return {"t": now_s, **_now(seen, state), "joints": joints}
 
     def _row(self, seen: Seen, state: SingularityState | None, now_s: float) -> list[Any]:
         """Time, worst level since the last row, columns, pose, smallest and largest values of the columns since the
-        last row; None for what is not known."""
+        last row; not finite for what is not known."""
         columns: list[float] = []
         if state is not None and state.type1_margin:
             columns = [*[margin_of(state, kind) for kind in MARGIN_CAUSES], state.stop_margin]
         extremes = self._extremes.of(seen.states) if self._scene is not None and seen.states else ([], [])
-        values = (columns, state.pose if state else (), *extremes)
-        return [now_s, seen.worst.name, *map(_told, values)]
-
-
-def _told(values: Iterable[float]) -> list[float | None]:
-    """As they are, to save the time of rounding them; None for values that are not finite, which JSON does not have."""
-    return [value if isfinite(value) else None for value in values]
+        return [now_s, seen.worst.name, columns, state.pose if state else (), *extremes]
 
 
 def _shown(verdict: Verdict | None) -> dict[str, Any] | None:
@@ -183,7 +178,7 @@ def _shown(verdict: Verdict | None) -> dict[str, Any] | None:
 
 
 def _now(seen: Seen, state: SingularityState | None) -> dict[str, Any]:
-    """The newest look. Ages in s, None for what was never heard."""
+    """The newest look. Ages in s, infinite for what was never heard."""
     return {
         "level": seen.level.name,
         "stop_limit": state.stop_limit if state else None,

@@ -12,7 +12,6 @@ import gc
 import ipaddress
 import os
 import socket
-import time
 from collections.abc import Callable
 from functools import partial
 from http import HTTPStatus
@@ -20,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
 import jinja2
-from websockets.asyncio.server import Server, ServerConnection, serve
+from websockets.asyncio.server import Server, ServerConnection, broadcast, serve
 from websockets.exceptions import ConnectionClosed
 from websockets.http11 import Request, Response
 
@@ -36,12 +35,20 @@ if TYPE_CHECKING:
 FRAME_S = 1.0 / 31.0
 """s between two looks, and between two frames of a page: a little less than at 30 Hz, so that 30 arrive."""
 
-FRAMES = 3
-"""Frames for which a page asks at once: a tenth of a second. To hear a question costs as much as to tell a frame."""
+FRAMES = 6
+"""Frames for which a page asks at once: a fifth of a second. To hear a question costs as much as to tell a frame."""
 
 SCRIPTS = ("plots.js", "mechanism.js", "live_plots.js", "live_view.js", "live.js")
 LARGEST_QUESTION = 16
 """Bytes of what a page may say."""
+
+
+class Visitor:
+    """An open page."""
+
+    def __init__(self) -> None:
+        self.known = Known()
+        self.left = 0  # frames that it has asked for and was not told yet
 
 
 class LivePage:
@@ -50,8 +57,7 @@ class LivePage:
     def __init__(self, listener: Monitor) -> None:
         self._listener, self._worker = listener, Worker()
         self._feed = Feed(self._draw)
-        self._looked = asyncio.Event()
-        self._ended = False
+        self._visitors: dict[ServerConnection, Visitor] = {}
         self._page = page()
         self._host = ""
 
@@ -64,34 +70,46 @@ class LivePage:
                 self._talk, host, port, process_request=self._respond, max_size=LARGEST_QUESTION, compression=None
             ) as server:
                 told(f"http://{host}:{next(iter(server.sockets)).getsockname()[1]}")
-                try:
-                    begin = time.monotonic()
-                    while True:
-                        self._feed.hear(self._listener.take(), time.monotonic())
-                        self._wake()
-                        begin = max(begin + FRAME_S, time.monotonic() - FRAME_S)  # the looks take time of their own
-                        await asyncio.sleep(begin - time.monotonic())
-                finally:  # the server waits for its connections, and they wait for a look
-                    self._ended = True
-                    self._wake()
+                await self._looks()
         finally:
             self._worker.close()
 
-    async def _talk(self, connection: ServerConnection) -> None:
-        known = Known()
-        with contextlib.suppress(ConnectionClosed):
-            async for _asked in connection:
-                for left in reversed(range(FRAMES)):
-                    if not self._ended:
-                        await self._looked.wait()
-                    if self._ended:
-                        return
-                    await connection.send(self._feed.answer(known, left))
+    async def _looks(self) -> None:
+        """Hear and tell for ever, by a timer: a task that sleeps would wake the loop twice for each look."""
+        loop = asyncio.get_running_loop()
+        failed: asyncio.Future[None] = loop.create_future()
 
-    def _wake(self) -> None:
-        """Go on with every page that waits for a look."""
-        self._looked.set()
-        self._looked.clear()
+        def look(due_s: float) -> None:
+            try:
+                self._feed.hear(self._listener.take(), loop.time())
+                self._tell()
+            except Exception as error:
+                failed.set_exception(error)
+                return
+            due_s = max(due_s + FRAME_S, loop.time() - FRAME_S)  # the looks take time of their own
+            self._timer = loop.call_at(due_s, look, due_s)
+
+        look(loop.time())
+        try:
+            await failed
+        finally:
+            self._timer.cancel()
+
+    async def _talk(self, connection: ServerConnection) -> None:
+        visitor = self._visitors[connection] = Visitor()
+        try:
+            with contextlib.suppress(ConnectionClosed):
+                async for _asked in connection:
+                    visitor.left = FRAMES
+        finally:
+            del self._visitors[connection]
+
+    def _tell(self) -> None:
+        """Tell every page that has asked, unless it has not taken the frame before: a later one will be newer."""
+        for connection, visitor in self._visitors.items():
+            if visitor.left and not connection.transport.get_write_buffer_size():
+                visitor.left -= 1
+                broadcast([connection], self._feed.answer(visitor.known, visitor.left))
 
     def _respond(self, connection: ServerConnection, request: Request) -> Response | None:
         """The page at /, the socket at /live; nothing for pages of others, which a browser would let talk to us."""
@@ -139,8 +157,16 @@ def page() -> str:
     )
 
 
+def stand_back() -> None:
+    """Messages that wake this process from now on do not interrupt another one. Threads inherit it: call this before
+    the middleware is started."""
+    with contextlib.suppress(OSError):
+        os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
+
+
 def run(listener: Monitor, host: str, port: int, told: Callable[[str], None]) -> None:
     """Serve until Ctrl-C. Raises OSError for a port that is taken."""
+    gc.freeze()  # what is loaded now stays
     with contextlib.suppress(KeyboardInterrupt):
         asyncio.run(LivePage(listener).run(host, port, told))
 
@@ -150,12 +176,8 @@ def main() -> None:
     from irsbot_supervisor.live.serving import serve_node  # needs ROS, and so does the next
     from irsbot_supervisor.processes.monitoring import Monitor
 
-    with contextlib.suppress(
-        OSError
-    ):  # messages that come meanwhile do not interrupt another process; threads inherit it
-        os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
+    stand_back()
     with Monitor(int(os.environ.get("ROS_DOMAIN_ID", "0")), name="live_page") as listener:
-        gc.freeze()  # what is loaded now stays
         serve_node(listener.node, partial(run, listener), "no page")
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from irsbot_msgs.msg import SingularityState as StateMessage
@@ -11,7 +11,6 @@ from irsbot_msgs.msg import Verdict as VerdictMessage
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import String
 
-from irsbot_msgs_py.cdr import VerdictReader
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.processes.listener import LATCHED
 from irsbot_supervisor.processes.observed import Observed, Seen
@@ -26,13 +25,13 @@ class Monitor(Polling):
 
     def __init__(self, domain: int = 0, namespace: str = "", name: str = "monitor") -> None:
         super().__init__(domain, namespace, name)
-        self._seen, self._verdicts = Observed(), VerdictReader()
-        self._sources: list[tuple[Any, Callable[[list[bytes], list[float]], None]]] = [
+        self._seen = Observed()
+        self._sources: list[tuple[Any, Callable[[Sequence[bytes], Sequence[float]], None]]] = [
             (self.listen(kind, f"supervisor/{topic}", quality), hear)
             for kind, topic, quality, hear in (
                 (String, "journal", LATCHED, self._on_journal),
                 (StateMessage, "state", NEWEST, self._seen.hear_states),
-                (VerdictMessage, "verdict", NEWEST, self._on_verdicts),
+                (VerdictMessage, "verdict", NEWEST, self._seen.hear_verdicts),
             )
         ]
 
@@ -50,15 +49,11 @@ class Monitor(Polling):
         now_s = time.monotonic()
         ahead_s = now_s - time.time_ns() / NS_PER_S  # of the system clock, once: messages are many
         for subscription, hear in self._sources:
-            found = list(taken(subscription))
-            times = [min(ahead_s + arrived_ns / NS_PER_S, now_s) for _data, arrived_ns in found]
-            hear([data for data, _arrived_ns in found], times)
+            if found := list(taken(subscription)):
+                messages, arrived_ns = zip(*found, strict=True)
+                hear(messages, [min(ahead_s + ns / NS_PER_S, now_s) for ns in arrived_ns])
         return self._seen.look(time.monotonic())
 
-    def _on_verdicts(self, found: list[bytes], times_s: list[float]) -> None:
-        for data, now_s in zip(found, times_s, strict=True):
-            self._seen.hear_verdict(self._verdicts.read(data), now_s)
-
-    def _on_journal(self, found: list[bytes], _times_s: list[float]) -> None:
+    def _on_journal(self, found: Sequence[bytes], _times_s: Sequence[float]) -> None:
         for data in found:
             self._seen.hear_journal(deserialize_message(data, String).data)

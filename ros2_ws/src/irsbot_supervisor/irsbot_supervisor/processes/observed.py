@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from math import inf
 from typing import Any, NamedTuple
 
-from irsbot_msgs_py.cdr import decode_state
+from irsbot_msgs_py.cdr import VerdictReader, decode_state
 from irsbot_msgs_py.errors import CdrError
 from irsbot_msgs_py.records import CONSUMER_TIMEOUT_S, Level, SingularityState, Verdict
 from irsbot_supervisor.bag.journal import Configuration, JournalError, read_entry
@@ -52,6 +52,7 @@ class Observed:
 
     def __init__(self) -> None:
         self._verdict: Verdict | None = None
+        self._reader = VerdictReader()
         self._state = b""
         self._states: list[bytes] = []
         self._worst = Level.OK
@@ -60,13 +61,21 @@ class Observed:
         self._times: dict[str, deque[float]] = {"verdict": deque(), "state": deque()}
         self._changes: deque[Change] = deque(maxlen=CHANGES)
 
-    def hear_verdict(self, verdict: Verdict, now_s: float) -> None:
-        """Take in a verdict."""
-        before, self._verdict = self._verdict, verdict
-        self._worst = max(self._worst, verdict.level)
-        self._count("verdict", [now_s])
-        if before is None or _essence(before) != _essence(verdict):
-            self._changes.append(Change(now_s, verdict.level, verdict.causes, verdict.text))
+    def hear_verdicts(self, verdicts: Sequence[bytes], times_s: Sequence[float]) -> None:
+        """Take in verdicts, as CDR, and when each came; read are those that may be a change, and the newest."""
+        last = len(verdicts) - 1
+        for number, (data, time_s) in enumerate(zip(verdicts, times_s, strict=True)):
+            before = self._verdict
+            if before is not None and self._reader.says_the_same(data):
+                self._worst = max(self._worst, before.level)
+                if number < last:
+                    continue
+            verdict = self._verdict = self._reader.read(data)
+            self._worst = max(self._worst, verdict.level)
+            if before is None or _essence(before) != _essence(verdict):
+                self._changes.append(Change(time_s, verdict.level, verdict.causes, verdict.text))
+        if verdicts:
+            self._count("verdict", times_s)
 
     def hear_states(self, states: Sequence[bytes], times_s: Sequence[float]) -> None:
         """Take in states, as CDR, and when each came; only the newest is decoded here."""
