@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -253,6 +254,34 @@ def test_a_stream_begins_where_the_configured_assembly_mode_names_the_branch_of_
 
 def irsbot(*words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([*IRSBOT, *words], capture_output=True, text=True, timeout=PATIENCE_S)
+
+
+SILENT_ROW = """
+import os, signal
+from irsbot_supervisor.validation.harness.rows import Entry
+from irsbot_supervisor.validation.runner import Order, run_rows
+def silent(job):
+    print(os.getpid(), flush=True)
+    signal.pause()
+if __name__ == "__main__":
+    list(run_rows([Order(Entry("silent", "never tells", 1, 1, silent), 1, 1)], 1, print))
+"""
+
+
+def test_a_row_ends_with_a_command_that_is_killed(tmp_path: Path) -> None:
+    script = tmp_path / "silent_row.py"
+    script.write_text(SILENT_ROW)
+    command = subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True)
+    try:
+        assert command.stdout is not None
+        row = psutil.Process(int(command.stdout.readline()))
+    finally:
+        command.kill()
+        command.communicate(timeout=PATIENCE_S)
+    _, left = psutil.wait_procs([row], PATIENCE_S)
+    for one in left:
+        one.kill()
+    assert not left
 
 
 def test_the_command_runs_the_rows_that_are_named_and_writes_their_table(tmp_path: Path) -> None:

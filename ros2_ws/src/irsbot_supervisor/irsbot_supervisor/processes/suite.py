@@ -178,5 +178,5 @@ def _end_claims() -> None:
 
 
 def end_with_parent() -> None:
-    """For a process that was just forked: it ends with the one that started it."""
+    """For a process that was just started: it ends with the one that started it."""
     ctypes.CDLL(None, use_errno=True).prctl(_DIE_WITH_PARENT, signal.SIGKILL)

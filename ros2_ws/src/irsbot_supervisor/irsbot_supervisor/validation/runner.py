@@ -111,7 +111,8 @@ def _hear(connection: Connection) -> int | Row | None:
 
 
 def _work(order: Order, connection: Connection) -> None:
-    """One row, in its own process."""
+    """One row, in its own process, which ends with the command."""
+    end_with_parent()
     pending, told_s = 0, monotonic()
 
     def tell(cases: int) -> None:
