@@ -156,9 +156,9 @@ def side_by_side(bag: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     half_ns = read_recording(bag).samples[0].received_ns + NS_PER_S // 2
     with Bag(bag) as opened, BagWriter(target) as writer:
         for entry in opened.records():
-            writer.add(f"/left/{entry.topic}", entry.record, entry.log_ns)
+            writer.add(f"/left{entry.topic}", entry.record, entry.log_ns)
             if entry.log_ns < half_ns:
-                writer.add(f"/cell/right/{entry.topic}", entry.record, entry.log_ns)
+                writer.add(f"/cell/right{entry.topic}", entry.record, entry.log_ns)
     return target
 
 

@@ -58,6 +58,7 @@ class LivePage:
         self._listener, self._worker = listener, Worker()
         self._feed = Feed(self._draw)
         self._visitors: dict[ServerConnection, Visitor] = {}
+        self._timer: asyncio.TimerHandle | None = None  # of the next look
         self._page = page()
         self._host = ""
 
@@ -93,7 +94,8 @@ class LivePage:
         try:
             await failed
         finally:
-            self._timer.cancel()
+            if self._timer is not None:
+                self._timer.cancel()
 
     async def _talk(self, connection: ServerConnection) -> None:
         visitor = self._visitors[connection] = Visitor()
