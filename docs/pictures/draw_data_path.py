@@ -15,7 +15,7 @@ TARGET = Path(__file__).parent / "data_path.svg"
 STAGES = (
     # kind, title, module, what it does, what it hands on
     ("ros", "JointState on the wire", "", "sensor_msgs/JointState, CDR bytes", "bytes"),
-    ("ros", "receive", f"{NODES}/samples.py", "decodes; above 2.5 kHz only the newest", "JointSample"),
+    ("ros", "receive", f"{NODES}/samples.py", "decodes; in a flood only the newest", "JointSample"),
     ("core", "validate", f"{CORE}/validation.py", "names, numbers, stamps against both clocks", "Accepted"),
     ("core", "estimate", f"{CORE}/estimation/estimator.py", "bounds of joint speeds", "Estimate"),
     ("core", "assess", f"{CORE}/assessment.py", "pose, margins, branch at this posture", "Assessment"),

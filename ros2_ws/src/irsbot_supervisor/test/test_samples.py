@@ -15,9 +15,13 @@ from rclpy.qos import QoSProfile
 from irsbot_msgs_py.cdr import encode_joint_state
 from irsbot_msgs_py.records import JointSample
 from irsbot_supervisor.nodes import samples as module
-from irsbot_supervisor.nodes.samples import BURST, LATE_NS, MOST_BYTES, MOST_HZ, Samples
+from irsbot_supervisor.nodes.samples import BURST_S, LATE_NS, MOST_BYTES, SHARE, Samples
 
 BEGIN_NS = 10**18
+BURST_NS = round(BURST_S * 1e9)
+
+STEP_NS = 50_000
+"""ns that the judging of a sample takes here, unless a test says otherwise."""
 
 
 class FakeQueue:
@@ -40,12 +44,19 @@ class FakeNode:
     def __init__(self) -> None:
         self.queue, self.now_ns, self.warnings = FakeQueue(), 0, []
         self.judged: list[int] = []
+        self.step_ns = 0  # that the judging of a sample takes
+        self.judging_ns = 0  # in all
 
     def get_clock(self) -> Any:
         return SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=BEGIN_NS + self.now_ns))
 
     def get_logger(self) -> Any:
         return SimpleNamespace(warning=lambda text, **_: self.warnings.append(text))
+
+    def judge(self, sample: JointSample) -> None:
+        self.judged.append(sample.stamp_ns - BEGIN_NS)
+        self.now_ns += self.step_ns
+        self.judging_ns += self.step_ns
 
     def create_subscription(
         self, kind: Any, topic: str, callback: Any, qos: QoSProfile, raw: bool, **_more: Any
@@ -61,7 +72,7 @@ def node(monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeNode]:
 
 
 def stream_of(node: FakeNode) -> Samples:
-    samples = Samples(node, QoSProfile(depth=12), lambda sample: node.judged.append(sample.stamp_ns - BEGIN_NS))
+    samples = Samples(node, QoSProfile(depth=12), node.judge)
     samples.open()
     return samples
 
@@ -71,27 +82,45 @@ def message(after_ns: int, size: int = 2) -> bytes:
 
 
 def send(node: FakeNode, stream: Samples, number: int, rate_hz: float) -> list[int]:
-    """Samples that arrive when they are stamped; returns their stamps."""
-    stamps = []
-    for _ in range(number):
-        node.now_ns += round(1e9 / rate_hz)
-        stamps.append(node.now_ns)
-        stream.subscription.callback(message(node.now_ns))
+    """Samples that come at this rate, and wait while another one is judged; returns their stamps."""
+    begin_ns = node.now_ns
+    stamps = [begin_ns + round(k * 1e9 / rate_hz) for k in range(1, number + 1)]
+    for stamp in stamps:
+        node.now_ns = max(node.now_ns, stamp)
+        stream.subscription.callback(message(stamp))
     return stamps
 
 
-def test_up_to_its_rate_every_sample_is_judged(node: FakeNode):
-    stream = stream_of(node)
-    sent = send(node, stream, 2000, 0.99 * MOST_HZ)
+def test_every_sample_is_judged_as_long_as_that_takes_its_share_of_the_time(node: FakeNode):
+    stream, node.step_ns = stream_of(node), STEP_NS
+    sent = send(node, stream, 20_000, SHARE * 1e9 / STEP_NS)
     assert node.judged == sent
     assert stream.skipped == 0
 
 
-def test_of_a_flood_as_many_are_judged_as_can_be_and_the_newest_is_never_left_over(node: FakeNode):
-    stream = stream_of(node)
-    sent = send(node, stream, 20_000, 20_000.0)  # one second
-    assert MOST_HZ <= len(node.judged) <= MOST_HZ + BURST
-    assert max(b - a for a, b in zip(node.judged, node.judged[1:], strict=False)) <= 1.2e9 / MOST_HZ
+def test_a_step_that_is_interrupted_costs_no_sample(node: FakeNode):
+    stream, node.step_ns = stream_of(node), STEP_NS
+    sent = send(node, stream, 1, 1000.0)
+    node.step_ns = LATE_NS - 1_000_000
+    sent += send(node, stream, 1, 1000.0)
+    node.step_ns = STEP_NS
+    sent += [sent[-1] + k * 1_000_000 for k in range(1, 5)]
+    for stamp in sent[2:]:  # those that waited meanwhile
+        stream.subscription.callback(message(stamp))
+    assert node.judged == sent
+    assert stream.skipped == 0
+
+
+@pytest.mark.parametrize("rate_hz", [12_000.0, 20_000.0])
+def test_of_a_flood_as_many_are_judged_as_the_share_allows_and_the_newest_is_never_left_over(
+    node: FakeNode, rate_hz: float
+):
+    stream, node.step_ns = stream_of(node), STEP_NS
+    begin_ns = node.now_ns
+    sent = send(node, stream, round(2.0 * rate_hz), rate_hz)  # two seconds
+    passed_ns = node.now_ns - begin_ns
+    assert SHARE * passed_ns - STEP_NS <= node.judging_ns <= SHARE * passed_ns + BURST_NS + STEP_NS
+    assert max(b - a for a, b in zip(node.judged, node.judged[1:], strict=False)) <= 2.0 * STEP_NS / SHARE
     stream.settle()
     assert node.judged[-1] == sent[-1]
     assert len(node.judged) + stream.skipped == len(sent)
@@ -99,15 +128,23 @@ def test_of_a_flood_as_many_are_judged_as_can_be_and_the_newest_is_never_left_ov
     assert len(node.judged) + stream.skipped == len(sent)  # nothing is judged twice
 
 
-def test_in_a_flood_all_that_waits_is_taken_at_once(node: FakeNode):
+def exhaust(node: FakeNode, stream: Samples) -> None:
+    """Judge for as long as may be at once: a single step that takes long."""
+    node.step_ns = round(BURST_NS / (1.0 - SHARE)) + 1
+    send(node, stream, 1, 1000.0)
+    node.step_ns = 0
+
+
+def test_if_no_time_is_left_all_that_waits_is_taken_at_once(node: FakeNode):
     stream = stream_of(node)
-    sent = send(node, stream, BURST, 1e9)  # the burst that is judged whatever its rate
-    assert node.judged == sent
-    node.queue.waiting = [message(1_000_000 + k) for k in range(5)]
-    stream.subscription.callback(message(900_000))
+    exhaust(node, stream)
+    judged, now_ns = list(node.judged), node.now_ns
+    node.queue.waiting = [message(now_ns + k) for k in range(5)]
+    stream.subscription.callback(message(now_ns))
     assert not node.queue.waiting
+    assert node.judged == judged
     stream.settle()
-    assert node.judged == [*sent, 1_000_004]
+    assert node.judged == [*judged, now_ns + 4]
     assert stream.skipped == 5
 
 
@@ -143,15 +180,16 @@ def test_messages_that_are_too_large_or_no_joint_states_are_rejected(node: FakeN
 
 def test_samples_during_a_closed_intake_and_held_ones_are_never_judged(node: FakeNode):
     stream = stream_of(node)
-    sent = send(node, stream, BURST + 1, 1e9)
-    assert node.judged == sent[:-1]  # the last one is held
+    exhaust(node, stream)
+    judged = list(node.judged)
+    stream.subscription.callback(message(node.now_ns))  # this one is held
     stream.close()
-    node.now_ns = LATE_NS + 1
-    node.queue.waiting = [message(1_000_000)]
-    stream.subscription.callback(message(0))
+    node.now_ns += BURST_NS
+    node.queue.waiting = [message(node.now_ns - 1)]
+    stream.subscription.callback(message(node.now_ns))
     stream.open()
     stream.settle()
-    assert node.judged == sent[:-1]
+    assert node.judged == judged
     assert len(node.queue.waiting) == 1
     node.queue.waiting = []
-    assert send(node, stream, 1, 1000.0) == node.judged[BURST:]
+    assert send(node, stream, 1, 1000.0) == node.judged[len(judged) :]

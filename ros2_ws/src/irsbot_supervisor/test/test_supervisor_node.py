@@ -6,7 +6,7 @@ import math
 import signal
 import time
 from collections.abc import Callable
-from itertools import count
+from itertools import count, pairwise
 from pathlib import Path
 
 import pytest
@@ -25,6 +25,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from irsbot_msgs_py.records import Cause, JointSample, Level
+from irsbot_supervisor.nodes.supervisor import STATES_AT_ONCE, STATES_HZ
+from irsbot_supervisor.processes.suite import Node
 
 pytestmark = pytest.mark.ros
 
@@ -213,6 +215,21 @@ def test_best_effort_joint_states_are_received_on_request(wire: Wire):
     cell.heard_level(Level.OK)
 
 
+def test_at_a_high_rate_samples_are_judged_whose_states_are_not_published(wire: Wire):
+    cell = Cell(wire)
+    cell.say = lambda _: None
+    cell.suite.start(Node("flood", "irsbot_supervisor.validation.harness.flood_source", {"rate_hz": 2.0 * STATES_HZ}))
+    cell.heard(lambda verdict: verdict.level == Level.OK, "OK at twice the rate")
+    begin = len(cell.states)
+    wire.until(lambda: len(cell.states) >= begin + 2500, "a second of states")
+    states = cell.states[begin:]
+    numbers = [state.sequence for state in states]
+    passed_s = (states[-1].stamp_ns - states[0].stamp_ns) * 1e-9
+    assert len(states) <= STATES_HZ * passed_s + STATES_AT_ONCE + 1
+    assert max(b - a for a, b in pairwise(numbers)) > 1  # judged in between, and not published
+    assert sorted(set(numbers)) == numbers
+
+
 def test_passive_joints_are_published_to_subscribers(cell: Cell):
     heard: list[JointState] = []
     told = cell.node.create_subscription(JointState, "supervisor/passive_joint_states", heard.append, 10)
@@ -225,6 +242,7 @@ def test_passive_joints_are_published_to_subscribers(cell: Cell):
 
 def test_an_error_inside_is_an_unknown_verdict_and_the_node_goes_on(wire: Wire, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent / "helpers"), prepend=":")
+    monkeypatch.setenv("IRSBOT_PLAIN", "1")  # compiled modules take no mechanism that is derived from theirs
     cell = Cell(wire, module="fake_failing_mechanism")
     cell.heard_level(Level.OK)
     start = len(cell.verdicts)

@@ -13,13 +13,15 @@ from sensor_msgs.msg import JointState
 from irsbot_msgs_py.cdr import decode_joint_state
 from irsbot_msgs_py.errors import CdrError
 from irsbot_msgs_py.records import JointSample
+from irsbot_msgs_py.stamps import NS_PER_S
+from irsbot_supervisor.nodes.allowance import Allowance
 from irsbot_supervisor.nodes.endpoints import subscription
 
-MOST_HZ = 2500.0
-"""Hz: up to this rate every sample is judged, on a machine of which half a core is available."""
+SHARE = 0.5
+"""1: share of the time that goes to judging. The rest is for the heartbeat, the gate and services."""
 
-BURST = 50
-"""Number of consecutive samples that are judged at any rate: more than the queue holds after a stall of the process."""
+BURST_S = 0.05
+"""s of judging that may come at once: a process that was interrupted while it judged has not judged too much."""
 
 LATE_NS = 5_000_000
 """ns: an older sample has waited here, or its sender is slow; the queue shows which."""
@@ -45,7 +47,7 @@ class Samples:
         self.skipped = 0
         self._clock, self._log = node.get_clock(), node.get_logger()
         self._judge, self._depth = judge, qos.depth
-        self._allowed, self._since_ns = float(BURST), time.monotonic_ns()
+        self._time = Allowance(SHARE, BURST_S, time.monotonic_ns())  # s, for judging
         self._held = b""  # the newest sample that has not been judged
         self._open = False
         self.subscription = subscription(
@@ -69,20 +71,18 @@ class Samples:
     def _on_sample(self, data: bytes) -> None:
         if not self._open:
             return
-        now_ns = time.monotonic_ns()
-        self._allowed = min(self._allowed + (now_ns - self._since_ns) * 1e-9 * MOST_HZ, float(BURST))
-        self._since_ns = now_ns
+        begin_ns = time.monotonic_ns()
         if self._held:
             self._held = b""
             self.skipped += 1
-        if not self._allowed >= 1.0:  # taking the waiting samples costs less than a callback for each
+        if self._time.grow(begin_ns) <= 0.0:  # taking the waiting samples costs less than a callback for each
             self._held = self._newest() or data
             return
-        self._allowed -= 1.0
         sample = self._decoded(data)
         if sample.received_ns - sample.stamp_ns > LATE_NS and (newest := self._newest()):
             sample = self._decoded(newest)
         self._judge(sample)
+        self._time.left -= (time.monotonic_ns() - begin_ns) / NS_PER_S
 
     def _newest(self) -> bytes:
         """The last waiting message, of at most a full queue; empty if there is none."""

@@ -26,6 +26,7 @@ from irsbot_supervisor.bag.journal import Entry, configured, write_entry
 from irsbot_supervisor.core.events import Configure, Event, Step
 from irsbot_supervisor.core.settings import InvalidSettings, Settings
 from irsbot_supervisor.core.supervisor import Supervisor
+from irsbot_supervisor.nodes.allowance import Allowance
 from irsbot_supervisor.nodes.as_declared import read_as_declared
 from irsbot_supervisor.nodes.bond import Bond
 from irsbot_supervisor.nodes.callers import Callers
@@ -61,6 +62,10 @@ STREAM = QoSProfile(depth=200, reliability=ReliabilityPolicy.RELIABLE)
 INLET = QoSProfile(depth=12, reliability=ReliabilityPolicy.RELIABLE)
 """Short queue: older samples are skipped for newer ones anyway, and each place may keep memory for the largest
 message."""
+
+STATES_HZ, STATES_AT_ONCE = 2500.0, 50.0
+"""States published in a second, and at once after a stall. To publish a state takes longer than to judge a sample; each
+sample is judged, and each change of the verdict is published, at higher rates too."""
 
 SHOWN_NS = 50_000_000
 """ns: shortest time between markers, postures and diagnostics."""
@@ -100,6 +105,7 @@ class SupervisorNode(LifecycleNode):
         self._safe = SafePublisher(self)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._heart: Timer | None = None
+        self._publishing = Allowance(STATES_HZ, STATES_AT_ONCE, time.monotonic_ns())
         self._listened = False  # True if states have a subscriber; a new one is noticed with the next sample
         self._reported_ns = 0  # seen_ns of the newest state
         self._speech: list[Publisher] = []
@@ -290,7 +296,8 @@ class SupervisorNode(LifecycleNode):
             step = self._supervisor.step(event, self._is_wanted(event.seen_ns))
             if step.state is not None:
                 self._reported_ns = event.seen_ns
-                if self._listened:
+                if self._listened and self._publishing.grow(event.seen_ns) >= 1.0:
+                    self._publishing.left -= 1.0
                     spent = (time.monotonic_ns() - event.seen_ns) * 1e-9
                     self._states.publish(encode_state(step.state._replace(compute_time=spent)))
                 self._markers.state = self._diagnostics.state = self._posture.state = step.state
