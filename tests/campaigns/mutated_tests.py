@@ -77,6 +77,7 @@ CORE: dict[str, tuple[str, ...]] = {
     "position_limits": ("position_limits", *SUPERVISORS),
     "reachable_box": ("reachable_box", "stopping"),
     "report": (*SUPERVISORS, "diagnostics"),
+    "speaker": (*SUPERVISORS, *BYPASSES),
     "settings": ("settings", "feasibility", "proposal"),
     "stop_monitor": ("stop_monitor", *SUPERVISORS),
     "stopping": ("stopping", "position_limits", "velocity_gate"),

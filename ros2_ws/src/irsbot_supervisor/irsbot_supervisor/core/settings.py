@@ -170,6 +170,14 @@ def completed(values: Mapping[str, Any], robot: Robot) -> Settings:
     return settings
 
 
+def refuse_other_robot(now: Settings, then: Settings) -> None:
+    """Raises InvalidSettings if a read-only setting changes: it says which robot is supervised."""
+    for entry in fields(Settings):
+        was, would_be = getattr(now, entry.name), getattr(then, entry.name)
+        if entry.metadata.get("read_only") and was != would_be:
+            raise InvalidSettings(f"{entry.name} is {was!r} and cannot become {would_be!r} while supervising")
+
+
 def _is_open(value: Any) -> bool:
     """True if a value is left to the robot or to another setting: nothing, an empty list, or the number 0."""
     return value is None or value == () or (type(value) is int and value == 0)

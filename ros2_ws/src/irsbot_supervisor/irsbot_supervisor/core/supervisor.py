@@ -6,7 +6,6 @@ computes the same.
 
 from __future__ import annotations
 
-from dataclasses import fields
 from math import inf, nan
 
 from irsbot_kinematics import Posture, Robot
@@ -14,13 +13,11 @@ from irsbot_msgs_py.records import (
     Bypass,
     Cause,
     Finding,
-    Floats,
     JointSample,
     Level,
     Reset,
     Restart,
     SingularityState,
-    Tick,
     Verdict,
 )
 from irsbot_msgs_py.stamps import NS_PER_S
@@ -38,7 +35,8 @@ from irsbot_supervisor.core.policy import Policy
 from irsbot_supervisor.core.position_limits import PositionLimits
 from irsbot_supervisor.core.report import Moment, Reporter
 from irsbot_supervisor.core.seed_pose import seen_posture
-from irsbot_supervisor.core.settings import LEAST_LIMIT, InvalidSettings, Settings
+from irsbot_supervisor.core.settings import LEAST_LIMIT, Settings, refuse_other_robot
+from irsbot_supervisor.core.speaker import Speaker
 from irsbot_supervisor.core.stop_monitor import MeasuredStop, StopMonitor
 from irsbot_supervisor.core.stopping import StoppingPredictor, cuts_of, limits_of
 from irsbot_supervisor.core.validation import Intake, IntakeMemory, Rejected
@@ -56,10 +54,6 @@ OK = Level.OK
 FOREVER = 2**63
 """ns: later than every time."""
 
-JUST_NOW = 0.1
-"""1: share of the heartbeat. A younger verdict is not repeated at a tick, so two verdicts are at most 1.1 heartbeats
-apart."""
-
 
 class Supervisor:
     """One robot under supervision. `step` is the only entry."""
@@ -72,10 +66,9 @@ class Supervisor:
         self._assessor = Assessor(settings, robot.mechanism)
         self._intake = Intake(settings, robot.mechanism.joints)
         self._stops = StopMonitor(settings, robot.mechanism.joints)
+        self._speaker = Speaker(settings)
         self._set(settings)
         self._samples = 0
-        self._verdicts = 0
-        self._spoken_ns = 0
         self._good: Estimate | None = None
         self._begun_ns = self._known_ns = 0  # first good sample, and since when it is known how often samples come
         self._at: Posture | None = None  # where the last good sample was
@@ -107,7 +100,8 @@ class Supervisor:
         elif isinstance(event, Bypass):
             refusal = self._bypass(event)
         transitions = self._latch.take_transitions()
-        verdict = self._speak(event, changed or bool(transitions))
+        due = self._speaker.is_due(event, changed or bool(transitions))
+        verdict = self._verdict(event.seen_ns) if due else None
         return Step(state, verdict, refusal, transitions, found)
 
     def _set(self, settings: Settings) -> None:
@@ -120,8 +114,6 @@ class Supervisor:
         self._position = PositionLimits(settings, mechanism.joints)
         self._reporter = Reporter(settings, mechanism, self.robot.name)
         self._stale_ns = round(settings.stale_s * NS_PER_S)
-        self._heartbeat_ns = round(settings.heartbeat_s * NS_PER_S)
-        self._hash = settings.config_hash
 
     def _configure(self, change: Configure) -> None:
         """Take in new settings, complete and checked. Knowledge of the robot and a latched stop are kept.
@@ -129,12 +121,9 @@ class Supervisor:
         Raises InvalidSettings for a change of a read-only setting.
         """
         settings = change.settings
-        for entry in fields(Settings):
-            now, then = getattr(self.settings, entry.name), getattr(settings, entry.name)
-            if entry.metadata.get("read_only") and now != then:
-                raise InvalidSettings(f"{entry.name} is {now!r} and cannot become {then!r} while supervising")
+        refuse_other_robot(self.settings, settings)
         self._set(settings)
-        for stage in (self._intake, self._estimator, self._assessor, self._latch, self._stops):
+        for stage in (self._intake, self._estimator, self._assessor, self._latch, self._stops, self._speaker):
             stage.configure(settings)
         if self._good is not None:
             self._learn(change.seen_ns)
@@ -220,6 +209,9 @@ class Supervisor:
         self._hold(seen_ns)
         return Step(None, self._verdict(seen_ns), transitions=self._latch.take_transitions())
 
+    def _verdict(self, seen_ns: int) -> Verdict:
+        return self._speaker.verdict(self._latch, self._good, self._stale, seen_ns)
+
     def _pass_time(self, seen_ns: int) -> bool:
         """Take in a silence since the last good sample; it is dated to the moment at which it began to count. The
         findings of the last sample hold until another sample changes them."""
@@ -282,7 +274,7 @@ class Supervisor:
             self._begun_ns = sample.seen_ns
             self._learn(sample.seen_ns)
         self._good, self._at, self._stale, self._silence = estimate, at, False, []
-        if self._latch.now.bypassed and not self._is_slow(estimate.velocity):
+        if self._latch.now.bypassed and not self._speaker.is_slow(estimate.velocity):
             self._latch.end_bypass()  # it was given for slow motion
         certified = self._predictor.predict(at, estimate.speeds, estimate.prediction_delay_s)
         reaction = self._reporter.reaction(estimate, assessment)
@@ -387,57 +379,9 @@ class Supervisor:
                 proved, lost = False, "the robot may have met a Type 2 singularity while no samples came"
         return self._assessor.assess(estimate.position, lost, proved=proved)
 
-    def _speak(self, event: Event, changed: bool) -> Verdict | None:
-        """The verdict to publish, if any. Every tick is a heartbeat, also one that comes a little early: the next one
-        is a full period away."""
-        rest_ns = round(JUST_NOW * self._heartbeat_ns) if isinstance(event, Tick) else self._heartbeat_ns
-        return self._verdict(event.seen_ns) if changed or event.seen_ns - self._spoken_ns >= rest_ns else None
-
-    def _verdict(self, seen_ns: int) -> Verdict:
-        self._verdicts += 1
-        self._spoken_ns = seen_ns
-        now, end_ns = self._latch.now, self._latch.bypassed_until_ns
-        return Verdict(
-            stamp_ns=self._good.stamp_ns if self._good else 0,
-            level=now.level,
-            causes=now.causes,
-            latched=now.latched,
-            event=now.event,
-            escape_direction=now.escape.direction,
-            text=_text(now.findings),
-            sequence=self._verdicts,
-            config_hash=self._hash,
-            since_ns=now.since_ns,
-            speed_scale=self._recovery_scale() if now.level == Level.STOP else now.speed_scale,
-            findings=now.findings,
-            bypassed=Cause(now.bypassed),
-            bypass_left=max(end_ns - seen_ns, 0) / NS_PER_S if end_ns is not None else 0.0,
-            escape_cause=Cause(now.escape.cause),
-        )
-
-    def _recovery_scale(self) -> float:
-        """Speed scale after a STOP: 0 until the robot is slow, then the share with which the command gate may move it
-        away."""
-        good = self._good
-        if good is None or self._stale:
-            return 0.0
-        return self.settings.recovery_share if self._is_slow(good.velocity) else 0.0
-
-    def _is_slow(self, velocity: Floats) -> bool:
-        """True if no joint is faster than allowed on a way out or during a bypass."""
-        share, slow = self.settings.recovery_share, self.settings.standstill_speed
-        pairs = zip(velocity, self.settings.velocity_limit, strict=True)
-        return all(abs(rate) <= share * most + slow for rate, most in pairs)
-
 
 def _causes(findings: list[Finding]) -> int:
     causes = 0
     for finding in findings:
         causes |= int(finding.cause)
     return causes
-
-
-def _text(findings: tuple[Finding, ...]) -> str:
-    """All findings as text, the worst one first."""
-    ordered = sorted(findings, key=lambda finding: -finding.level)
-    return "; ".join(finding.text for finding in ordered)
