@@ -9,8 +9,9 @@ from irsbot_msgs_py.records import Floats, SingularityState
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_msgs_py.summary import StateSummary
 
-PERIOD_NS = NS_PER_S // 31
-"""ns between two summaries: a little less than at 30 Hz, so that a view of 30 Hz has news in each frame."""
+PERIOD_NS = NS_PER_S // 32
+"""ns between two summaries: with the wait for a sample, 1 ms at 1 kHz, it is not longer than a frame of the live page,
+so that every frame has news."""
 
 
 def extremes_of(columns: Sequence[Sequence[float]]) -> tuple[Floats, Floats]:
