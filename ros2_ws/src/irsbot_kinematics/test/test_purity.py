@@ -18,7 +18,17 @@ PACKAGES = ("irsbot_kinematics", "irsbot_msgs_py", "irsbot_supervisor")
 PURE = {
     # package: folders and modules that are importable without ROS; "" is all of it
     "irsbot_kinematics": ("",),
-    "irsbot_msgs_py": ("records", "stamps", "errors", "cdr", "cdr_codec", "cdr_layout", "cdr_places", "health"),
+    "irsbot_msgs_py": (
+        "records",
+        "stamps",
+        "errors",
+        "cdr",
+        "cdr_codec",
+        "cdr_layout",
+        "cdr_places",
+        "health",
+        "summary",
+    ),
     "irsbot_supervisor": ("core", "configuration", "trajectory", "gate", "bag", "replay", "sim"),
 }
 SHELLS = ("nodes",)

@@ -6,32 +6,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from struct import unpack_from
+from typing import Any
 
 from irsbot_msgs_py.cdr_codec import Codec
 from irsbot_msgs_py.cdr_layout import ORIGIN, SIZES, Bytes, Kinds, Walk
 from irsbot_msgs_py.errors import CdrError
 from irsbot_msgs_py.records import Cause, Finding, JointSample, Level, SingularityState, Verdict
 from irsbot_msgs_py.stamps import nanoseconds
+from irsbot_msgs_py.summary import StateSummary
 
 JOINT_STATE: Kinds = ("header", "s*", "d*", "d*", "d*")
 STATE: Kinds = (
     *("header", "s", "Q", "q", "q", "B", "I", "d*", "d*", "d*", "d*", "b*", "b", "d*", "d", "d", "d*"),
     *("d*", "d", "d", "d", "d*", "d*", "d*", "d", "I", "d", "d", "?", "d", "d", "d"),
 )
+SUMMARY: Kinds = (*STATE, "I", "Q", *("d",) * 10)  # a structure in a message is its fields
 FINDING: Kinds = ("I", "B", "d", "d", "s", "s")
 VERDICT: Kinds = ("header", "B", "I", "?", "I", "d*", "s", "Q", "s", "q", "d", FINDING, "I", "d", "I")
 
 
 _joint_state = Codec(JOINT_STATE)
 _state = Codec(STATE)
+_summary = Codec(SUMMARY)
 _VERDICT_ADDED = ((0, 0.0), (0,))  # bypassed and bypass_left; escape_cause: bags of earlier versions do not have them
 _verdict = Codec(VERDICT, _VERDICT_ADDED)
 
 _STATE_LEVEL = SingularityState._fields.index("level")
 _STATE_CAUSES = SingularityState._fields.index("causes")
 _STATE_STOP_CAUSE = SingularityState._fields.index("stop_cause")
+_SUMMARY_STATE = len(SingularityState._fields) + 1  # numbers of the state: a stamp is two
 _VERDICT_FIXED = Verdict._fields.index("findings")  # fields of the record before the findings
 _VERDICT_SEQUENCE = [kind for kind in VERDICT if kind not in ("header", "s")].index("Q") + 2  # behind those of a stamp
 _STAMP_END = ORIGIN + 2 * SIZES["I"]
@@ -64,7 +70,12 @@ def encode_joint_state(sample: JointSample) -> bytes:
 
 def decode_state(data: Bytes) -> SingularityState:
     """Decode an irsbot_msgs/SingularityState. Raises CdrError."""
-    sec, nanosec, *rest = _state.decode(data)
+    return _state_of(_state.decode(data))
+
+
+def _state_of(found: Sequence[Any]) -> SingularityState:
+    """found: the fields as the codec gives them."""
+    sec, nanosec, *rest = found
     fields = [nanoseconds(sec, nanosec), *rest]
     fields[_STATE_LEVEL] = _level(fields[_STATE_LEVEL])
     fields[_STATE_CAUSES] = _cause(fields[_STATE_CAUSES])
@@ -75,6 +86,17 @@ def decode_state(data: Bytes) -> SingularityState:
 def encode_state(state: SingularityState) -> bytes:
     """Encode an irsbot_msgs/SingularityState; its frame is empty. Raises CdrError for a record that does not fit."""
     return _state.encode(state)
+
+
+def decode_summary(data: Bytes) -> StateSummary:
+    """Decode an irsbot_msgs/StateSummary. Raises CdrError."""
+    found = _summary.decode(data)
+    return StateSummary(_state_of(found[:_SUMMARY_STATE]), *found[_SUMMARY_STATE:])
+
+
+def encode_summary(summary: StateSummary) -> bytes:
+    """Encode an irsbot_msgs/StateSummary; its frame is empty. Raises CdrError for a record that does not fit."""
+    return _summary.encode((*summary.state, *summary[1:]))
 
 
 def decode_verdict(data: Bytes) -> Verdict:

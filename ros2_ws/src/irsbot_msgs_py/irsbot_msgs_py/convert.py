@@ -15,6 +15,7 @@ from irsbot_msgs_py.gate_status import GateCommand, GateOutcome, GateReason, Gat
 from irsbot_msgs_py.health import RecorderHealth, RecorderState
 from irsbot_msgs_py.records import Cause, Finding, JointSample, Level, SingularityState, Verdict
 from irsbot_msgs_py.stamps import nanoseconds, sec_nanosec
+from irsbot_msgs_py.summary import StateSummary
 
 
 def time_msg(time_ns: int) -> Time:
@@ -196,6 +197,44 @@ def state_msg(record: SingularityState) -> ros.SingularityState:
         closure_residual=record.closure_residual,
         sample_age=record.sample_age,
         compute_time=record.compute_time,
+    )
+
+
+def summary_record(message: ros.StateSummary) -> StateSummary:
+    """StateSummary.msg as a record."""
+    return StateSummary(
+        state=state_record(message.state),
+        state_count=message.state_count,
+        state_total=message.state_total,
+        type1_margin_min=message.type1_margin_min,
+        type1_margin_max=message.type1_margin_max,
+        type2_margin_min=message.type2_margin_min,
+        type2_margin_max=message.type2_margin_max,
+        constraint_margin_min=message.constraint_margin_min,
+        constraint_margin_max=message.constraint_margin_max,
+        limb_margin_min=message.limb_margin_min,
+        limb_margin_max=message.limb_margin_max,
+        stop_margin_min=message.stop_margin_min,
+        stop_margin_max=message.stop_margin_max,
+    )
+
+
+def summary_msg(record: StateSummary) -> ros.StateSummary:
+    """A summary as StateSummary.msg."""
+    return ros.StateSummary(
+        state=state_msg(record.state),
+        state_count=record.state_count,
+        state_total=record.state_total,
+        type1_margin_min=record.type1_margin_min,
+        type1_margin_max=record.type1_margin_max,
+        type2_margin_min=record.type2_margin_min,
+        type2_margin_max=record.type2_margin_max,
+        constraint_margin_min=record.constraint_margin_min,
+        constraint_margin_max=record.constraint_margin_max,
+        limb_margin_min=record.limb_margin_min,
+        limb_margin_max=record.limb_margin_max,
+        stop_margin_min=record.stop_margin_min,
+        stop_margin_max=record.stop_margin_max,
     )
 
 

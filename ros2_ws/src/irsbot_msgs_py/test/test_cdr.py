@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from irsbot_msgs_py import cdr
 from irsbot_msgs_py.errors import CdrError
 from irsbot_msgs_py.records import Cause, Finding, JointSample, Level, SingularityState, Verdict
+from irsbot_msgs_py.summary import StateSummary
 
 SAMPLE = JointSample(5_000_000_007, 11, 12, ("q1", "long_name"), (1.5, nan), (), (-0.0,))
 STATE = SingularityState(
@@ -21,6 +22,7 @@ STATE = SingularityState(
     *((1, -1), -1, (0.1, 0.2), 0.3, nan, (), (0.4,), 0.5, 0.6, 0.7, (0.8, 0.9), (nan, nan), (1e3, 2e3), 0.25),
     *(Cause.TYPE2, 0.2, inf, True, 1e-9, 0.001, 1e-5),
 )
+SUMMARY = StateSummary(STATE, 32, 2**40, 0.1, 0.2, 0.3, 0.4, nan, nan, nan, nan, -0.5, 0.5)
 FINDING = Finding(Cause.TYPE1, Level.STOP, 0.01, 0.05, "1", "leg 1 is nearly straight: 0.01 < 0.05")
 VERDICT = Verdict(
     *(3, Level.STOP, Cause.TYPE1, True, 4, (0.6, -0.8), "stop", 99, "ab" * 32, -5, 0.0, (FINDING, FINDING)),
@@ -71,12 +73,13 @@ def test_streams_of_different_layout_may_alternate():
     ("record", "encode", "decode"),
     [
         (STATE, cdr.encode_state, cdr.decode_state),
+        (SUMMARY, cdr.encode_summary, cdr.decode_summary),
         (VERDICT, cdr.encode_verdict, cdr.decode_verdict),
         (VERDICT._replace(findings=()), cdr.encode_verdict, cdr.decode_verdict),
         ("Grüße, 特異点", cdr.encode_string, cdr.decode_string),
         ("", cdr.encode_string, cdr.decode_string),
     ],
-    ids=["state", "verdict", "verdict without findings", "text", "empty text"],
+    ids=["state", "summary", "verdict", "verdict without findings", "text", "empty text"],
 )
 def test_a_written_record_is_read_back(record, encode, decode):
     assert repr(decode(encode(record))) == repr(record)
@@ -85,6 +88,7 @@ def test_a_written_record_is_read_back(record, encode, decode):
 DECODERS = {
     "joint state": (cdr.encode_joint_state(SAMPLE), lambda data: cdr.decode_joint_state(data, 0, 0)),
     "state": (cdr.encode_state(STATE), cdr.decode_state),
+    "summary": (cdr.encode_summary(SUMMARY), cdr.decode_summary),
     "verdict": (cdr.encode_verdict(VERDICT), cdr.decode_verdict),
     "text": (cdr.encode_string("a text"), cdr.decode_string),
 }
@@ -199,7 +203,7 @@ def test_damaged_bytes_are_read_or_refused_but_never_raise_anything_else(name: s
     for place, new in edits:
         damaged[place % len(whole) : place % len(whole) + len(new)] = new
     with suppress(CdrError):
-        assert isinstance(decode(bytes(damaged)), (JointSample, SingularityState, Verdict, str))
+        assert isinstance(decode(bytes(damaged)), (JointSample, SingularityState, StateSummary, Verdict, str))
 
 
 @given(st.binary(max_size=200))

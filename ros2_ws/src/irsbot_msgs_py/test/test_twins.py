@@ -15,6 +15,7 @@ from irsbot_msgs_py.gate_status import GateCommand, GateOutcome, GateReason, Gat
 from irsbot_msgs_py.health import RecorderHealth, RecorderState
 from irsbot_msgs_py.records import Cause, Finding, Level, SingularityState, Verdict
 from irsbot_msgs_py.stamps import nanoseconds, sec_nanosec
+from irsbot_msgs_py.summary import StateSummary
 
 MSG = Path(__file__).resolve().parents[2] / "irsbot_msgs" / "msg"
 CODES = {"bool": "?", "int8": "b", "uint8": "B", "int32": "i", "uint32": "I", "int64": "q", "uint64": "Q"}
@@ -37,14 +38,19 @@ def definition(name: str) -> Definition:
     return Definition(fields, constants)
 
 
-def kind(ros_type: str) -> object:
-    if ros_type == "irsbot_msgs/Finding[]":
-        return cdr.FINDING
-    return CODES[ros_type.removesuffix("[]")] + "*" * ros_type.endswith("[]")
+def kinds_of(ros_type: str) -> Kinds:
+    """What the codec has to have for a field: a structure is its fields, a sequence of structures is one kind."""
+    name = ros_type.removeprefix("irsbot_msgs/").removesuffix("[]")
+    if ros_type.startswith("irsbot_msgs/"):
+        inside = tuple(kind for inner, _ in definition(name).fields for kind in kinds_of(inner))
+        return (inside,) if ros_type.endswith("[]") else inside
+    return (CODES[name] + "*" * ros_type.endswith("[]"),)
 
 
 @pytest.mark.parametrize(
-    "record", [SingularityState, Verdict, Finding, GateStatus, RecorderHealth], ids=lambda r: r.__name__
+    "record",
+    [SingularityState, StateSummary, Verdict, Finding, GateStatus, RecorderHealth],
+    ids=lambda r: r.__name__,
 )
 def test_a_record_has_the_fields_of_its_message_in_order(record):
     names = [name for _, name in definition(record.__name__).fields]
@@ -74,10 +80,24 @@ def test_the_constants_of_a_message_are_its_enum(name: str, prefix: str, enum: t
 
 
 @pytest.mark.parametrize(
-    ("name", "kinds"), [("SingularityState", cdr.STATE), ("Verdict", cdr.VERDICT), ("Finding", cdr.FINDING)]
+    ("name", "kinds"),
+    [
+        ("SingularityState", cdr.STATE),
+        ("StateSummary", cdr.SUMMARY),
+        ("Verdict", cdr.VERDICT),
+        ("Finding", cdr.FINDING),
+    ],
 )
 def test_the_codec_knows_the_types_of_the_message(name: str, kinds: Kinds):
-    assert tuple(kind(ros_type) for ros_type, _ in definition(name).fields) == kinds
+    assert kinds_of(f"irsbot_msgs/{name}") == kinds
+
+
+def test_the_extremes_of_a_summary_are_in_the_order_of_their_fields():
+    numbered = StateSummary(*range(len(StateSummary._fields)))
+    named = numbered._asdict()
+    for end, found in (("min", numbered.smallest), ("max", numbered.largest)):
+        margins = ("type1", "type2", "constraint", "limb", "stop")
+        assert found == tuple(named[f"{margin}_margin_{end}"] for margin in margins)
 
 
 @pytest.mark.parametrize("time_ns", [0, 1, -1, 999_999_999, 10**9, -(10**9), 1_700_000_000_123_456_789])

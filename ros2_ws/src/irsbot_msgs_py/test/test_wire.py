@@ -10,6 +10,7 @@ from irsbot_msgs_py import cdr
 from irsbot_msgs_py.gate_status import GateCommand, GateOutcome, GateReason, GateStatus
 from irsbot_msgs_py.health import RecorderHealth, RecorderState
 from irsbot_msgs_py.records import Cause, Finding, JointSample, Level, SingularityState, Verdict
+from irsbot_msgs_py.summary import StateSummary
 
 pytest.importorskip("irsbot_msgs", reason="needs the built workspace")
 
@@ -45,6 +46,7 @@ states = st.builds(
     *(st.lists(int8, max_size=4).map(tuple), int8, reals, real, real, reals, reals, real, real, real),
     *(reals, reals, reals, real, cause, real, real, st.booleans(), real, real, real),
 )
+summaries = st.builds(StateSummary, states, uint32, uint64, *(real,) * 10)
 healths = st.builds(
     *(RecorderHealth, stamp, st.sampled_from(RecorderState), text, uint64, uint64, uint64, uint64, real, text)
 )
@@ -74,6 +76,11 @@ def test_a_verdict_becomes_a_message_and_the_same_verdict_again(verdict: Verdict
     assert same(convert.verdict_record(convert.verdict_msg(verdict)), verdict)
 
 
+@given(summaries)
+def test_a_summary_becomes_a_message_and_the_same_summary_again(summary: StateSummary):
+    assert same(convert.summary_record(convert.summary_msg(summary)), summary)
+
+
 @given(healths)
 def test_the_health_of_the_recorder_becomes_a_message_and_the_same_record_again(health: RecorderHealth):
     assert same(convert.health_record(convert.health_msg(health)), health)
@@ -95,6 +102,11 @@ def test_a_state_is_read_from_the_bytes_of_rclpy(state: SingularityState):
     assert same(cdr.decode_state(serialize_message(convert.state_msg(state))), state)
 
 
+@given(summaries)
+def test_a_summary_is_read_from_the_bytes_of_rclpy(summary: StateSummary):
+    assert same(cdr.decode_summary(serialize_message(convert.summary_msg(summary))), summary)
+
+
 @given(verdicts)
 def test_a_verdict_is_read_from_the_bytes_of_rclpy(verdict: Verdict):
     assert same(cdr.decode_verdict(serialize_message(convert.verdict_msg(verdict))), verdict)
@@ -109,6 +121,12 @@ def test_rclpy_reads_the_joint_state_that_was_written(sample: JointSample):
 @given(states)
 def test_rclpy_reads_the_state_that_was_written(state: SingularityState):
     assert same(convert.state_record(deserialize_message(cdr.encode_state(state), ros.SingularityState)), state)
+
+
+@given(summaries)
+def test_rclpy_reads_the_summary_that_was_written(summary: StateSummary):
+    message = deserialize_message(cdr.encode_summary(summary), ros.StateSummary)
+    assert same(convert.summary_record(message), summary)
 
 
 @given(verdicts)

@@ -30,6 +30,7 @@ CHANGED = {
     "/supervisor/markers": "publisher",
     "/supervisor/passive_joint_states": "publisher",
     "/supervisor/state": "publisher",
+    "/supervisor/summary": "publisher",
     "/velocity_in": "subscription",
     "/velocity_out": "publisher",
 }

@@ -68,6 +68,7 @@ def test_diagnostics_have_the_figures_as_values(cell: Cell):
     assert supervisor["settings"] == cell.verdicts[-1].config_hash
     assert supervisor["event"] == str(cell.verdicts[-1].event)
     assert float(values("joint states")["since arrival [s]"]) >= 0.0
+    assert 0.0 < float(supervisor["time to judge [s]"]) < 1.0
 
 
 def test_diagnostics_of_a_latched_stop_say_so(wire: Wire):

@@ -29,6 +29,10 @@ FRAME_S = 0.1
 """s between two pictures: fast enough for an eye, slow enough for SSH."""
 
 
+COUNTED_S = 1.2
+"""s until rates are known: the second over which they are counted, and the time until the first state comes."""
+
+
 def monitor(
     once: Annotated[bool, typer.Option("--once", help="one look, then end")] = False,
     domain: Domain = 0,
@@ -99,7 +103,7 @@ def _look_once(listener: Any, wait: float, as_json: bool) -> None:
     while (seen.verdict is None or not seen.limits) and time.monotonic() < deadline:
         seen = listener.look(FRAME_S)
     if seen.verdict is not None:
-        seen = listener.look(1.0)
+        seen = listener.look(COUNTED_S)
     if as_json:
         print_json(facts(seen))
     else:

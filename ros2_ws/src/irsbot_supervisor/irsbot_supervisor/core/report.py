@@ -73,9 +73,7 @@ class Reporter:
         """The state of a solved posture. before: the margins of the solved posture before it."""
         at, now = assessment.at, assessment.margins
         stop = self._stop
-        spares = tuple(map(sub, certified, stop))
-        spare = min(spares)
-        kind = spares.index(spare)  # the margin that governs
+        spare, kind = governing(certified, stop)
         rate = _shrinking(before, estimate.stamp_ns, now, kind)
         error = self._mechanism.certified_bounds(at, self._errors, self._slack_m)
         stamp_ns, received_ns, seen_ns, _, velocity, *_ = estimate
@@ -114,6 +112,13 @@ class Reporter:
             closure_residual=at.residual,
             sample_age=(received_ns - stamp_ns) / NS_PER_S,
         )
+
+
+def governing(certified: Margins, stop: Margins) -> tuple[float, int]:
+    """The margin that governs: smallest spare to its stop limit, and which of the margins it is."""
+    spares = tuple(map(sub, certified, stop))
+    spare = min(spares)
+    return spare, spares.index(spare)
 
 
 def _shrinking(then: Moment | None, stamp_ns: int, now: Margins, kind: int) -> float:

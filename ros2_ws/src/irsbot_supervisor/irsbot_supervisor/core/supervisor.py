@@ -13,6 +13,7 @@ from irsbot_msgs_py.records import (
     Bypass,
     Cause,
     Finding,
+    Floats,
     JointSample,
     Level,
     Reset,
@@ -33,7 +34,7 @@ from irsbot_supervisor.core.margins import Margins, margins_of
 from irsbot_supervisor.core.memory import EstimatorMemory, Memory
 from irsbot_supervisor.core.policy import Policy
 from irsbot_supervisor.core.position_limits import PositionLimits
-from irsbot_supervisor.core.report import Moment, Reporter
+from irsbot_supervisor.core.report import Moment, Reporter, governing
 from irsbot_supervisor.core.seed_pose import seen_posture
 from irsbot_supervisor.core.settings import LEAST_LIMIT, Settings, refuse_other_robot
 from irsbot_supervisor.core.speaker import Speaker
@@ -73,6 +74,7 @@ class Supervisor:
         self._begun_ns = self._known_ns = 0  # first good sample, and since when it is known how often samples come
         self._at: Posture | None = None  # where the last good sample was
         self._last: Moment | None = None  # the margins there
+        self._judged: tuple[Margins, Margins] | None = None  # margins of the last sample, now and until standstill
         self._stale = False
         self._found: list[Finding] = []
         self._found_until_ns = FOREVER  # end of the findings of a rejected sample
@@ -145,6 +147,16 @@ class Supervisor:
     def measured_stop(self) -> MeasuredStop | None:
         """The last stop that came to rest."""
         return self._stops.last
+
+    @property
+    def margins(self) -> Floats:
+        """Margins of the last sample as its state has them, without the making of it: smallest Type 1, Type 2,
+        constraint, smallest limb, and the governing one until standstill. Infinite if the robot does not have it. Empty
+        if the sample determines no pose."""
+        if self._judged is None:
+            return ()
+        margins, certified = self._judged
+        return (*margins, certified[governing(certified, self._stop)[1]])
 
     @property
     def view(self) -> View | None:
@@ -254,6 +266,7 @@ class Supervisor:
 
     def _sample(self, sample: JointSample, report: bool) -> tuple[tuple[Level, int], SingularityState | None]:
         self._samples += 1
+        self._judged = None
         accepted = self._intake.check(sample)
         if isinstance(accepted, Rejected):
             return self._rejected(sample, accepted, report)
@@ -298,6 +311,7 @@ class Supervisor:
             self.seen_too_rarely += late
         level = max([finding.level for finding in found]) if found else OK
         causes = _causes(found) if found else 0
+        self._judged = assessment.margins, certified
         before, self._last = self._last, Moment(estimate.stamp_ns, assessment.margins)
         if not report:
             return (level, causes), None

@@ -14,7 +14,6 @@ from irsbot_kinematics import KinematicsError
 from irsbot_msgs_py.records import CONSUMER_TIMEOUT_S, Floats, SingularityState, Verdict, cause_names
 from irsbot_supervisor.core.margins import MARGIN_CAUSES
 from irsbot_supervisor.core.settings import InvalidSettings
-from irsbot_supervisor.live.extremes import Extremes
 from irsbot_supervisor.live.scene import Scene
 from irsbot_supervisor.processes.observed import Change, Seen
 from irsbot_supervisor.replay.run_summary import margin_of
@@ -55,7 +54,6 @@ class Feed:
         self._count = 0  # rows until now
         self._seen: tuple[Seen, SingularityState | None, float] | None = None  # the newest look, and when
         self._now: dict[str, Any] = {}  # what is told of it; empty until a page asks
-        self._extremes = Extremes()
         self._changes: list[dict[str, Any]] = []
         self._change: Change | None = None  # the newest of them
         self._setup: dict[str, Any] = {}
@@ -158,7 +156,7 @@ class Feed:
         columns: list[float] = []
         if state is not None and state.type1_margin:
             columns = [*[margin_of(state, kind) for kind in MARGIN_CAUSES], state.stop_margin]
-        extremes = self._extremes.of(seen.states) if self._scene is not None and seen.states else ([], [])
+        extremes = (seen.smallest, seen.largest) if self._scene is not None else ((), ())
         return [now_s, seen.worst.name, columns, state.pose if state else (), *extremes]
 
 

@@ -44,6 +44,7 @@ from irsbot_supervisor.nodes.parameters import ChangingSettings, declare_setting
 from irsbot_supervisor.nodes.posture import PosturePublisher
 from irsbot_supervisor.nodes.safe import PROMISED, SafePublisher
 from irsbot_supervisor.nodes.samples import Samples
+from irsbot_supervisor.nodes.summary import SummaryPublisher
 from irsbot_supervisor.nodes.verdict_log import VerdictLog
 from irsbot_supervisor.trajectory.joint_path import BadTrajectory
 
@@ -84,8 +85,8 @@ class SupervisorNode(LifecycleNode):
 
     One `Supervisor` lives as long as the node: a latched stop and the last event number survive every transition of the
     life cycle. So only a reset ends a stop, and an old number never fits a new one. The parts of the node live as long,
-    because the middleware keeps 2 kB of every dozen that are destroyed. Publishers of states, verdicts and the journal
-    live as long as an activation: latched messages of an inactive supervisor must not reach late joiners.
+    because the middleware keeps 2 kB of every dozen that are destroyed. Publishers of states, summaries, verdicts and
+    the journal live as long as an activation: latched messages of an inactive supervisor must not reach late joiners.
     """
 
     def __init__(self) -> None:
@@ -122,6 +123,7 @@ class SupervisorNode(LifecycleNode):
             self, self._robot, settings, self._supervisor, self._later, self._frame, self._fail
         )
         self._posture = PosturePublisher(self, self._robot, prefix, self._fail)
+        self._summary = SummaryPublisher(self, self._supervisor)
         self._bond = Bond(self, self._fail)
         self._gate = CommandGate(self, settings, self._robot, self._supervisor, self._fail)
         action = action_type()
@@ -150,6 +152,7 @@ class SupervisorNode(LifecycleNode):
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Begin or continue to judge. The inactive time counts as an interval between two samples: UNKNOWN if it was a
         silence. A latched stop stays."""
+        self._summary.open()  # first: who finds states alone may take them for those of a played bag
         self._states = self.create_publisher(SingularityState, "~/state", self._stream)
         self._verdicts = self.create_publisher(VerdictMsg, "~/verdict", PROMISED)
         self._journal = self.create_publisher(String, "~/journal", self._lasting)
@@ -214,6 +217,7 @@ class SupervisorNode(LifecycleNode):
         for spoken in self._speech:
             self.destroy_publisher(spoken)
         self._speech = []
+        self._summary.close()
 
     def _start_heart(self, settings: Settings) -> None:
         """Start the heartbeat on the steady clock: simulated time may stand still."""
@@ -230,6 +234,7 @@ class SupervisorNode(LifecycleNode):
     def _on_tick(self) -> None:
         self._samples.settle()
         self._listened = self._active and self._states.get_subscription_count() > 0
+        self._summary.look()
         tick = Tick(*self._now())
         self._step(tick)
         self._gate.beat(tick.seen_ns)
@@ -294,28 +299,30 @@ class SupervisorNode(LifecycleNode):
         allowed_s = self._supervisor.judging_s
         try:
             step = self._supervisor.step(event, self._is_wanted(event.seen_ns))
-            if step.state is not None:
+            state = step.state
+            if state is not None:
                 self._reported_ns = event.seen_ns
+                state = state._replace(compute_time=(time.monotonic_ns() - event.seen_ns) * 1e-9)
                 if self._listened and self._publishing.grow(event.seen_ns) >= 1.0:
                     self._publishing.left -= 1.0
-                    spent = (time.monotonic_ns() - event.seen_ns) * 1e-9
-                    self._states.publish(encode_state(step.state._replace(compute_time=spent)))
-                self._markers.state = self._diagnostics.state = self._posture.state = step.state
+                    self._states.publish(encode_state(state))
+                self._markers.state = self._diagnostics.state = self._posture.state = state
             if step.verdict is not None:
                 self._say(step.verdict)
                 self._markers.verdict = self._diagnostics.verdict = step.verdict
             if isinstance(event, JointSample):
                 self._judging.note((time.monotonic_ns() - event.seen_ns) * 1e-9, allowed_s)
+                self._summary.hear(state, event.seen_ns)  # behind the verdict, which never waits for a view
             return step
         except Exception as error:
             self._fail(error)
             return None
 
     def _is_wanted(self, now_ns: int) -> bool:
-        """True if states have a subscriber, or if markers, postures or diagnostics need a new one."""
+        """True if states have a subscriber, or if a summary, markers, postures or diagnostics need a new one."""
         if not self._listened:
             self._listened = self._states.get_subscription_count() > 0
-        return self._listened or now_ns - self._reported_ns >= SHOWN_NS
+        return self._listened or self._summary.is_due(now_ns) or now_ns - self._reported_ns >= SHOWN_NS
 
     def _say(self, verdict: Verdict) -> None:
         self._verdicts.publish(encode_verdict(verdict))

@@ -244,9 +244,13 @@ class Cell:
             self.joints.publish(encode_joint_state(stated))
 
 
+TOPICS = ("verdict", "state", "summary", "journal")
+"""Of an activation."""
+
+
 def silent(cell: Cell) -> bool:
     """True if the supervisor has nothing to speak with."""
-    return not any(cell.node.count_publishers(f"supervisor/{topic}") for topic in ("verdict", "state", "journal"))
+    return not any(cell.node.count_publishers(f"supervisor/{topic}") for topic in TOPICS)
 
 
 def bad(stamp_ns: int, **changes: object) -> JointSample:

@@ -1,17 +1,18 @@
-"""Smallest and largest margins of states that come between two looks: no dip is too short to be shown."""
+"""Smallest and largest margins of states that come one by one, as the summaries of a supervisor have them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import groupby
-from math import isfinite, nan
 from struct import Struct
 
 from irsbot_msgs_py.cdr_places import state_layout
 from irsbot_msgs_py.errors import CdrError
+from irsbot_msgs_py.records import Floats
+from irsbot_supervisor.core.summary import extremes_of
 
 FIELDS = ("type1_margin", "type2_margin", "constraint_margin", "limb_margin", "stop_margin")
-"""Of a state, in the order of `scene.COLUMNS`; of several numbers the smallest counts."""
+"""Of a state, in the order of `StateSummary.smallest`; of several numbers the smallest counts."""
 
 Columns = list[list[float]]
 """Values of each of FIELDS."""
@@ -26,7 +27,7 @@ class Extremes:
         self._mask = self._texts = 0  # bits of all texts of a state as one number, and what states of the layout have
         self._numbers: list[range] = []  # places of each field in what is unpacked
 
-    def of(self, states: Sequence[bytes]) -> tuple[list[float], list[float]]:
+    def of(self, states: Sequence[bytes]) -> tuple[Floats, Floats]:
         """Smallest and largest values of FIELDS over the states, as CDR; NaN where none is known."""
         found: Columns = [[] for _ in FIELDS]
         for _size, group in groupby(states, len):
@@ -37,8 +38,7 @@ class Extremes:
                 continue
             for one in alike:  # of several layouts
                 _append(found, self._read([one]) or self._learned(one))
-        known = [values if isfinite(sum(values)) else list(filter(isfinite, values)) for values in found]
-        return [min(values, default=nan) for values in known], [max(values, default=nan) for values in known]
+        return extremes_of(found)
 
     def _read(self, states: Sequence[bytes]) -> Columns | None:
         """Values of states of one size; None if one of them has not the learned layout."""
