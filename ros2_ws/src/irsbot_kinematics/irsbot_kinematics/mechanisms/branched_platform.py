@@ -31,7 +31,7 @@ BY_A_LOOP = Cuspidal(
     "a certified loop about a cusp changes the assembly mode (irsbot_kinematics.analysis.loops); follow the branch",
     True,
 )
-TINY = 1e-200
+TINY = 1e-150
 """m or 1: keeps the direction of a rod defined where it has none: upright, or without length at a pose that is not its
 own. The margins, or the closure, then say so."""
 POLISH = 3
