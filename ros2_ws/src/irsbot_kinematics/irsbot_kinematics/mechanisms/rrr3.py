@@ -109,7 +109,8 @@ class Rrr3(TurningPlatform):
         [1] the smallest rho_i, or sqrt K.
         """
         rb, rp, l = self.geometry.rb, self.geometry.rp, self.geometry.l
-        a, b, c = [2.0 * l * l * (1.0 + k.cos_sin(q)[0]) for q in joints]  # rho_i^2
+        rhos = [2.0 * l * k.cos_sin(0.5 * q)[0] for q in joints]
+        a, b, c = [rho * rho for rho in rhos]
         mean = (a + b + c) / 3.0
         (x1, y1), (x2, y2), (x3, y3) = _CORNERS
         wx, wy = ((a * x1 + b * x2) + c * x3) / 3.0, ((a * y1 + b * y2) + c * y3) / 3.0
