@@ -329,10 +329,11 @@ def _right_sides(asked: Travel, radius: float, rows: Sequence[Sequence[float]], 
 def _copies(pose: Sequence[Array], valid: NDArray[np.bool_], left: Array) -> NDArray[np.bool_]:
     """(N, M) True for candidates that another one repeats (as near a double root) and closes better, or equally well
     and earlier. left: (N, M) closure errors."""
-    apart = np.max([np.abs(column[:, :, None] - column[:, None, :]) for column in pose], axis=0)
     place = np.argsort(np.argsort(left, axis=1, kind="stable"), axis=1)
-    better = place[:, None, :] < place[:, :, None]
-    copies: NDArray[np.bool_] = np.asarray(((apart <= SAME_POSE_TOL) & better & valid[:, None, :]).any(axis=2))
+    repeats: NDArray[np.bool_] = (place[:, None, :] < place[:, :, None]) & valid[:, None, :]
+    for column in pose:
+        repeats &= np.abs(column[:, :, None] - column[:, None, :]) <= SAME_POSE_TOL
+    copies: NDArray[np.bool_] = repeats.any(axis=2)
     return copies
 
 
