@@ -333,7 +333,7 @@ def _copies(pose: Sequence[Array], valid: NDArray[np.bool_], left: Array) -> NDA
     repeats: NDArray[np.bool_] = (place[:, None, :] < place[:, :, None]) & valid[:, None, :]
     for column in pose:
         repeats &= np.abs(column[:, :, None] - column[:, None, :]) <= SAME_POSE_TOL
-    copies: NDArray[np.bool_] = repeats.any(axis=2)
+    copies: NDArray[np.bool_] = np.asarray(repeats.any(axis=2))
     return copies
 
 
