@@ -26,7 +26,7 @@ HEADER = (
     "from mypy_extensions import mypyc_attr; "
 )
 """The elementary functions on floats, as `FLOATS` has them."""
-OWN = ("safe_sqrt", "minimum", "maximum", "ratio", "quotient", "wrap")
+OWN = ("cos_sin", "safe_sqrt", "minimum", "maximum", "ratio", "quotient", "wrap")
 """Functions of our own among them."""
 KINEMATICS = "irsbot_kinematics"
 ARITHMETIC = f"{KINEMATICS}.numerics.arithmetic"

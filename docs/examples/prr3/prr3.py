@@ -27,7 +27,7 @@ from irsbot_kinematics.own_mechanism import (
     TurningPlatform,
 )
 
-TINY = 1e-200  # m: keeps a quotient defined where two centres coincide; the gaps then say so
+TINY = 1e-150  # m: keeps a quotient defined where two centres coincide; the gaps then say so
 
 
 @dataclass(frozen=True)
@@ -83,8 +83,8 @@ class Prr3(TurningPlatform):
     def inverse(self, k: Arithmetic[N], pose: Sequence[N], mode: Signs) -> tuple[tuple[N, ...], tuple[N, ...]]:
         """q = (B - o).u + w sqrt(l^2 - h^2), h the distance of B from the rail; reach l - h."""
         x, y, phi = pose
-        b = self.geometry.b
-        ends = ((x, y), (x, y), (x + b * k.cos(phi), y + b * k.sin(phi)))
+        b, (c, s) = self.geometry.b, k.cos_sin(phi)
+        ends = ((x, y), (x, y), (x + b * c, y + b * s))
         joints, reach = [], []
         for (bx, by), (ox, oy), (ux, uy), l, w in zip(ends, self.origins, self.ways, self.rods, mode, strict=True):
             dx, dy = bx - ox, by - oy
@@ -109,9 +109,9 @@ class Prr3(TurningPlatform):
     def legs(self, k: Arithmetic[N], joints: Sequence[N], pose: Sequence[N]) -> Legs[N]:
         """Rows (r, PB x r), r along the rod; lever and sine -r.u, because the rod's length grows by r.(v - qdot u)."""
         x, y, phi = pose
-        b = self.geometry.b
+        b, (c, s) = self.geometry.b, k.cos_sin(phi)
         zero = 0.0 * x
-        attachments = ((zero, zero), (zero, zero), (b * k.cos(phi), b * k.sin(phi)))
+        attachments = ((zero, zero), (zero, zero), (b * c, b * s))
         screws, normalised_levers, reach, closure = [], [], [], []
         for (ax, ay), (cx, cy), (ux, uy), l in zip(
             attachments, self._carriages(joints), self.ways, self.rods, strict=True

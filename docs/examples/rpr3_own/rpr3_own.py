@@ -35,7 +35,7 @@ from irsbot_kinematics.own_mechanism import (
     require_finite,
 )
 
-TINY = 1e-200  # m: keeps the direction of a strut without length defined; its limb margin then says so
+TINY = 1e-150  # m: keeps the direction of a strut without length defined; its limb margin then says so
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ class Rpr3Own(BranchedPlatform):
     def inverse(self, k: Arithmetic[N], pose: Sequence[N], mode: Signs) -> tuple[tuple[N, ...], tuple[N, ...]]:
         """The distance |a_iB_i|; reach: to the nearer end of the stroke."""
         x, y, phi = pose
-        c, s, joints, reach = k.cos(phi), k.sin(phi), [], []
+        (c, s), joints, reach = k.cos_sin(phi), [], []
         for (ax, ay), (bx, by) in zip(self.feet, self.corners, strict=True):
             length = k.hypot(x + c * bx - s * by - ax, y + s * bx + c * by - ay)
             zero = 0.0 * length
@@ -100,7 +100,7 @@ class Rpr3Own(BranchedPlatform):
     def legs(self, k: Arithmetic[N], joints: Sequence[N], pose: Sequence[N]) -> Legs[N]:
         """Rows (r, PB x r), r along the strut; closure |a_iB_i| - q_i, whose derivative by q_i, the lever, is -1."""
         x, y, phi = pose
-        c, s = k.cos(phi), k.sin(phi)
+        c, s = k.cos_sin(phi)
         screws, minus, reach, closure, attachments, limb = [], [], [], [], [], []
         for (ox, oy), (bx, by), q in zip(self.feet, self.corners, joints, strict=True):
             ax, ay = c * bx - s * by, s * bx + c * by

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
@@ -21,8 +22,10 @@ from irsbot_kinematics.numerics.tolerances import (
     SIGN_DEAD_BAND,
 )
 
-CHUNK = 16384
+CHUNK = 8192
 """Number of samples that are processed together: the intermediate columns of a chunk fit into the cache."""
+COLUMNS = 64
+"""Intermediate columns that mechanisms in closed form have at a time, at most."""
 
 
 @dataclass(frozen=True)
@@ -102,54 +105,50 @@ def evaluate_motion(
 
 
 def _blank(mechanism: Mechanism, joints: Array, assembly: int, load: tuple[float, float] | None) -> Evaluations:
-    """Evaluations before any sample is solved."""
+    """Evaluations that `_evaluate` is to fill, but for NaN in what a mechanism need not have."""
     number, n = joints.shape
     return Evaluations(
         status=np.full(number, Status.INVALID, np.uint8),
         joint_position=joints,
-        pose=np.full((number, len(mechanism.task)), np.nan),
+        pose=np.empty((number, len(mechanism.task))),
         assembly_mode=assembly,
-        working_mode=np.zeros((number, n), np.int8),
-        type1_margin=np.full((number, n), np.nan),
-        type2_margin=np.full(number, np.nan),
+        working_mode=np.empty((number, n), np.int8),
+        type1_margin=np.empty((number, n)),
+        type2_margin=np.empty(number),
         constraint_margin=np.full(number, np.nan),
         limb_margin=np.full((number, mechanism.limb_count), np.nan),
-        pressure_angle=np.full((number, n), np.nan),
-        reach=np.full(number, np.nan),
-        closure_residual=np.full(number, np.nan),
-        reaction_max=np.full((number, n if load else 0), np.nan),
+        pressure_angle=np.empty((number, n)),
+        reach=np.empty(number),
+        closure_residual=np.empty(number),
+        reaction_max=np.empty((number, n if load else 0)),
     )
 
 
 def _evaluate(found: _Solved, out: Evaluations, rows: slice, load: tuple[float, float] | None) -> None:
     pose, legs = found.pose, found.legs
     _, cosines = statics.pressure_cosines(ARRAYS, legs.screws, legs.attachments)
-    reach = legs.reach[0]
-    for other in legs.reach[1:]:
-        reach = np.minimum(reach, other)
-    type2 = cosines[0]
-    if cosines[-1] is not cosines[0]:
-        for cosine in cosines[1:]:
-            type2 = np.minimum(type2, cosine)
+    alike = cosines[-1] is cosines[0]  # both legs of a planar pair
+    angles = [np.arccos(cosines[0])] * len(cosines) if alike else [np.arccos(cosine) for cosine in cosines]
     out.status[rows] = found.status
-    for column, values in enumerate(pose):
-        out.pose[rows, column] = values
-    for column, sine in enumerate(legs.normalised_levers):
-        size = np.abs(sine)
-        out.type1_margin[rows, column] = size
-        out.working_mode[rows, column] = np.sign(np.where(size > SIGN_DEAD_BAND, sine, 0.0))
-        out.pressure_angle[rows, column] = np.arccos(cosines[column])
-    out.type2_margin[rows] = type2
+    for pose_column, values in zip(out.pose[rows].T, pose, strict=True):
+        pose_column[:] = values
+    columns = zip(out.type1_margin[rows].T, out.working_mode[rows].T, out.pressure_angle[rows].T, strict=True)
+    for (type1, mode, pressure), sine, angle in zip(columns, legs.normalised_levers, angles, strict=True):
+        np.abs(sine, out=type1)
+        positive, negative = np.greater(sine, SIGN_DEAD_BAND), np.less(sine, -SIGN_DEAD_BAND)
+        np.subtract(positive.view(np.int8), negative.view(np.int8), out=mode)
+        pressure[:] = angle
+    out.type2_margin[rows] = cosines[0] if alike else reduce(np.minimum, cosines)
     if legs.constraint is not None:
         out.constraint_margin[rows] = legs.constraint
     for column, margin in enumerate(legs.limb):
         out.limb_margin[rows, column] = margin
-    out.reach[rows] = reach
+    out.reach[rows] = reduce(np.minimum, legs.reach)
     out.closure_residual[rows] = found.residual
     if load:
         sizes = statics.reaction_max(ARRAYS, legs.screws, *load, turns=bool(legs.attachments))
-        for column, size in enumerate(sizes):
-            out.reaction_max[rows, column] = size
+        for reaction, size in zip(out.reaction_max[rows].T, sizes, strict=True):
+            reaction[:] = size
 
 
 class _Solved(NamedTuple):
@@ -169,7 +168,7 @@ def _solve(mechanism: Mechanism, joints: Array, assembly: int) -> _Solved:
     finite = (np.abs(q) <= FARTHEST).all(axis=0)
     assembled = gaps[0] >= -ASSEMBLY_TOL_M
     solved = finite & assembled & (gaps[1] > COINCIDENT_TOL_M)
-    status = np.where(assembled, Status.SINGULAR, Status.UNREACHABLE).astype(np.uint8)
+    status = np.where(assembled, np.uint8(Status.SINGULAR), np.uint8(Status.UNREACHABLE))
     status[~finite] = Status.INVALID
     while True:
         if not solved.all():  # NaN flows through the equations and marks every dependent number
@@ -188,9 +187,7 @@ def _solve(mechanism: Mechanism, joints: Array, assembly: int) -> _Solved:
 
 def _residual(legs: Legs[Array]) -> Array:
     """(N,) m: largest closure error."""
-    residual = np.abs(legs.closure[0])
-    for error in legs.closure[1:]:
-        residual = np.maximum(residual, np.abs(error))
+    residual: Array = reduce(np.maximum, map(np.abs, legs.closure))
     return residual
 
 
@@ -204,9 +201,7 @@ def inverse_many(mechanism: Mechanism, poses: Array, mode: Signs) -> tuple[Array
         for rows in _chunks(number):
             x = tuple(np.ascontiguousarray(column) for column in poses[rows].T)
             q, slack = mechanism.inverse(ARRAYS, x, mode)
-            least = slack[0]
-            for other in slack[1:]:
-                least = np.minimum(least, other)
+            least = reduce(np.minimum, slack)
             meant = (np.abs(x) <= FARTHEST).all(axis=0)
             solved = meant & (least >= -REACH_TOL_M)
             status[rows] = np.where(solved, Status.SOLVED, np.where(meant, Status.UNREACHABLE, Status.INVALID))
@@ -233,5 +228,9 @@ def direct_many(mechanism: Mechanism, joints: Array, assembly: int) -> tuple[Arr
 
 
 def _chunks(number: int) -> Iterator[slice]:
+    """Rows of each chunk."""
+    # The GNU C library keeps freed memory for the next column, instead of returning it to the system, which has to
+    # clear it, if a block of that size has been freed before (mallopt, M_TRIM_THRESHOLD); this one is never touched.
+    np.empty((COLUMNS, min(number, CHUNK)))
     for start in range(0, number, CHUNK):
         yield slice(start, min(start + CHUNK, number))

@@ -12,6 +12,7 @@ from irsbot_kinematics.numerics.arithmetic import ARRAYS, FLOATS, Arithmetic
 
 NUMBERS = [0.0, -0.0, 1.0, -1.0, 0.3, -0.7, 1e-300, 1e300, 3.5, -4.0, 100.0, pi, -pi, nan, inf, -inf]
 ONE = {"sin", "cos", "acos", "safe_sqrt", "sqrt", "abs", "wrap"} & {field.name for field in fields(Arithmetic)}
+PAIRS = {"cos_sin"}
 TWO = {"atan2", "hypot", "minimum", "maximum", "ratio", "quotient"}
 DEFINED = {
     # where floats raise ValueError, arrays give NaN: the callers keep such numbers out
@@ -22,6 +23,8 @@ DEFINED = {
     "safe_sqrt": lambda x: x > -inf,
     "ratio": lambda part, whole: part >= 0.0 and whole >= 0.0 and not part == whole == inf,
     "quotient": lambda above, below: above >= 0.0 and below >= 0.0 and not above == below == inf,
+    # arrays take the square: lengths end earlier than numbers
+    "hypot": lambda x, y: not {1e300, 1e-300} & {abs(x), abs(y)} and not (np.isnan(x) or np.isnan(y)),
 }
 
 
@@ -30,7 +33,7 @@ def equal(a, b):
 
 
 def test_no_function_is_left_out():
-    assert {field.name for field in fields(Arithmetic)} == ONE | TWO
+    assert {field.name for field in fields(Arithmetic)} == ONE | PAIRS | TWO
 
 
 @pytest.mark.parametrize("name", sorted(ONE))
@@ -39,6 +42,22 @@ def test_functions_of_one_number_agree(name):
         with np.errstate(all="ignore"):
             many = getattr(ARRAYS, name)(np.array([x]))[0]
         assert equal(getattr(FLOATS, name)(x), many), (name, x)
+
+
+@pytest.mark.parametrize("size", [1e-300, 1e-8, 1.0, pi, 100.0, 1e6])
+def test_cosine_and_sine_together_are_those_of_the_angle(size):
+    angles = np.concatenate([np.random.default_rng(1).uniform(-size, size, 10_000), [0.0, -0.0, size, -size]])
+    angles = np.concatenate([angles, np.arange(-4.0, 5.0) * pi / 4.0])  # also where one vanishes
+    for cosine, sine in (ARRAYS.cos_sin(angles), np.transpose([FLOATS.cos_sin(angle) for angle in angles.tolist()])):
+        np.testing.assert_allclose(cosine, np.cos(angles), rtol=0.0, atol=1e-15)
+        np.testing.assert_allclose(sine, np.sin(angles), rtol=1e-15, atol=0.0)
+    with np.errstate(invalid="ignore"):
+        assert np.isnan(ARRAYS.cos_sin(np.array([nan, inf, -inf]))).all()
+
+
+def test_lengths_of_arrays_whose_square_is_no_number_are_infinite_or_nothing():
+    with np.errstate(over="ignore", under="ignore"):
+        assert ARRAYS.hypot(np.array([1e300, 1e-300, inf]), np.array([1.0, 1e-300, 0.0])).tolist() == [inf, 0.0, inf]
 
 
 @pytest.mark.parametrize("name", sorted(TWO))

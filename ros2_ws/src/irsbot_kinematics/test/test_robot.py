@@ -5,6 +5,9 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import pickle
+import resource
+import subprocess
+import sys
 from math import inf, nan
 
 import numpy as np
@@ -132,6 +135,26 @@ def test_chunks_do_not_show(robot):
         if field.name != "assembly_mode":
             joined = np.concatenate([getattr(part, field.name) for part in parts])
             assert np.array_equal(getattr(whole, field.name), joined, equal_nan=True), field.name
+
+
+PAGES = """
+import resource
+import numpy as np
+from irsbot_kinematics import make_robot
+
+robot, joints = make_robot("irsbot2"), np.random.default_rng(13).uniform(-3.0, 3.0, (20_000, 2))
+for _ in range(3):
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+    robot.evaluate_many(joints)
+print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
+"""
+
+
+def test_batches_use_the_memory_of_earlier_ones_again():
+    """Pages that the system has to clear, in a process that has freed no large block itself."""
+    done = subprocess.run([sys.executable, "-c", PAGES], capture_output=True, text=True, check=True)
+    columns = 20_000 * 8 * 50 // resource.getpagesize()
+    assert int(done.stdout) < columns // 10
 
 
 def test_no_samples_give_empty_columns(robot):

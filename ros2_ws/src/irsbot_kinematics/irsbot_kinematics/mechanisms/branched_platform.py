@@ -31,7 +31,7 @@ BY_A_LOOP = Cuspidal(
     "a certified loop about a cusp changes the assembly mode (irsbot_kinematics.analysis.loops); follow the branch",
     True,
 )
-TINY = 1e-200
+TINY = 1e-150
 """m or 1: keeps the direction of a rod defined where it has none: upright, or without length at a pose that is not its
 own. The margins, or the closure, then say so."""
 POLISH = 3
@@ -329,10 +329,11 @@ def _right_sides(asked: Travel, radius: float, rows: Sequence[Sequence[float]], 
 def _copies(pose: Sequence[Array], valid: NDArray[np.bool_], left: Array) -> NDArray[np.bool_]:
     """(N, M) True for candidates that another one repeats (as near a double root) and closes better, or equally well
     and earlier. left: (N, M) closure errors."""
-    apart = np.max([np.abs(column[:, :, None] - column[:, None, :]) for column in pose], axis=0)
     place = np.argsort(np.argsort(left, axis=1, kind="stable"), axis=1)
-    better = place[:, None, :] < place[:, :, None]
-    copies: NDArray[np.bool_] = np.asarray(((apart <= SAME_POSE_TOL) & better & valid[:, None, :]).any(axis=2))
+    repeats: NDArray[np.bool_] = (place[:, None, :] < place[:, :, None]) & valid[:, None, :]
+    for column in pose:
+        repeats &= np.abs(column[:, :, None] - column[:, None, :]) <= SAME_POSE_TOL
+    copies: NDArray[np.bool_] = np.asarray(repeats.any(axis=2))
     return copies
 
 

@@ -51,7 +51,7 @@ class CrankPlatform(BranchedPlatform):
         """
         x, y, phi = pose[0], pose[1], pose[-1]
         z = pose[2] if len(pose) == 4 else 0.0 * x
-        c, s, joints, reach = k.cos(phi), k.sin(phi), [], []
+        (c, s), joints, reach = k.cos_sin(phi), [], []
         for (fx, fy), (bx, by), w in zip(self.feet, self.corners, mode, strict=True):
             X, Y = x + c * bx - s * by - fx, y + s * bx + c * by - fy
             r = k.hypot(X, Y)
@@ -63,10 +63,11 @@ class CrankPlatform(BranchedPlatform):
         return tuple(joints), tuple(reach)
 
     def rods(self, k: Arithmetic[N], joints: Sequence[N]) -> Sequence[tuple[N, N, float]]:
-        return [
-            (fx + self.crank * k.cos(q), fy + self.crank * k.sin(q), self.rod)
-            for (fx, fy), q in zip(self.feet, joints, strict=True)
-        ]
+        found = []
+        for (fx, fy), q in zip(self.feet, joints, strict=True):
+            ux, uy = k.cos_sin(q)
+            found.append((fx + self.crank * ux, fy + self.crank * uy, self.rod))
+        return found
 
     # --- guarantees, one sample --------------------------------------------------------------------------------
 

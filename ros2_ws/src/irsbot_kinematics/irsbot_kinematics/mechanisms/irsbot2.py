@@ -23,7 +23,7 @@ from irsbot_kinematics.mechanisms.planar_pair import PlanarPair
 from irsbot_kinematics.numerics.arithmetic import Arithmetic, Array, N
 from irsbot_kinematics.skeleton import BASE, Cut, Link, Rod, Skeleton, Vector, Y, added
 
-_SMALLEST = 1e-300
+_SMALLEST = 1e-150
 """m: keeps the normal of a rod defined if its leg has length 0, which requires l2eq = D; nothing is certified then."""
 ROOT2 = sqrt(2.0)
 

@@ -105,8 +105,8 @@ class PlanarPair(Mechanism):
         """IRSBot-2 sheet section 4. Gaps: [0] 2 rod - d (rods in line), [1] d (elbows coincide)."""
         b0, e, l1, l2 = self.loop
         q1, q2 = joints
-        c1x, c1z = -b0 + l1 * k.cos(q1), -e - l1 * k.sin(q1)
-        c2x, c2z = b0 + l1 * k.cos(q2), -e - l1 * k.sin(q2)
+        (cos1, sin1), (cos2, sin2) = k.cos_sin(q1), k.cos_sin(q2)
+        c1x, c1z, c2x, c2z = l1 * cos1 - b0, -e - l1 * sin1, l1 * cos2 + b0, -e - l1 * sin2
         vx, vz = c2x - c1x, c2z - c1z
         d = k.hypot(vx, vz)
         half = 0.5 * d
@@ -121,7 +121,7 @@ class PlanarPair(Mechanism):
         screws, normalised_levers, reach, closure = [], [], [], []
         far: list[N] = []
         for q, foot in zip(joints, (-b0, b0), strict=True):
-            cq, sq = k.cos(q), k.sin(q)
+            cq, sq = k.cos_sin(q)
             X, Z = x - foot, z + e
             rx, rz = X - l1 * cq, Z + l1 * sq
             error = k.hypot(rx, rz) - l2

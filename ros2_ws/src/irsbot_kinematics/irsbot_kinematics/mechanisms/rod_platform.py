@@ -19,7 +19,7 @@ from irsbot_kinematics.numerics.arithmetic import FLOATS, Arithmetic, N
 Point = tuple[float, float]
 Pair = tuple[N, N]
 
-_TINY = 1e-200
+_TINY = 1e-150
 """m: keeps a quotient defined if a rod has length 0; the closure then shows it."""
 
 
@@ -49,7 +49,7 @@ class RodPlatform(TurningPlatform):
     def legs(self, k: Arithmetic[N], joints: Sequence[N], pose: Sequence[N]) -> Legs[N]:
         """Rows (r, PB x r), r along the rod; lever -r.C', because the rod's length grows by r.(v - C' qdot)."""
         x, y, phi = pose
-        c, s = k.cos(phi), k.sin(phi)
+        c, s = k.cos_sin(phi)
         screws, levers, normalised_levers, closure, attachments = [], [], [], [], []
         for leg, (joint, (bx, by)) in enumerate(zip(joints, self.corners, strict=True)):
             (px, py), (ux, uy), _ = self.near_end(k, leg, joint)

@@ -23,7 +23,7 @@ from irsbot_kinematics.numerics.tolerances import CLOSURE_TOL_M, COINCIDENT_TOL_
 from irsbot_kinematics.skeleton import BASE, Cut, Link, Skeleton, Z, planar_end
 
 _CORNERS = tuple((cos(angle), sin(angle)) for angle in (7.0 * pi / 6.0, 11.0 * pi / 6.0, 0.5 * pi))
-_TINY = 1e-200
+_TINY = 1e-150
 """m or m^2: keeps a quotient defined if a leg is folded to length 0; the assembly clearances then mark the result as
 invalid."""
 
@@ -93,7 +93,8 @@ class Rrr3(TurningPlatform):
         """A_iB_i and attachment vector PB_i of each leg, m."""
         rb, rp = self.geometry.rb, self.geometry.rp
         x, y, phi = pose
-        c, s = rp * k.cos(phi), rp * k.sin(phi)
+        cosine, sine = k.cos_sin(phi)
+        c, s = rp * cosine, rp * sine
         spokes = []
         for ex, ey in _CORNERS:
             ax, ay = c * ex - s * ey, s * ex + c * ey
@@ -108,7 +109,8 @@ class Rrr3(TurningPlatform):
         [1] the smallest rho_i, or sqrt K.
         """
         rb, rp, l = self.geometry.rb, self.geometry.rp, self.geometry.l
-        a, b, c = [2.0 * l * l * (1.0 + k.cos(q)) for q in joints]  # rho_i^2
+        rhos = [2.0 * l * k.cos_sin(0.5 * q)[0] for q in joints]
+        a, b, c = [rho * rho for rho in rhos]
         mean = (a + b + c) / 3.0
         (x1, y1), (x2, y2), (x3, y3) = _CORNERS
         wx, wy = ((a * x1 + b * x2) + c * x3) / 3.0, ((a * y1 + b * y2) + c * y3) / 3.0
@@ -132,16 +134,17 @@ class Rrr3(TurningPlatform):
     def legs(self, k: Arithmetic[N], joints: Sequence[N], pose: Sequence[N]) -> Legs[N]:
         """Rows (r_i, PB_i x r_i) with r_i along A_iB_i; levers l sin(q_i/2), the arms of the forces about C_i."""
         l = self.geometry.l
-        screws, normalised_levers, reach, closure, attachments = [], [], [], [], []
+        screws, normalised_levers, reach, closure, attachments, limb = [], [], [], [], [], []
         for (dx, dy, ax, ay), q in zip(self._spokes(k, pose), joints, strict=True):
-            half = 0.5 * k.wrap(q)
+            cosine, sine = k.cos_sin(0.5 * k.wrap(q))
             rho = k.hypot(dx, dy)
             rx, ry = dx / (rho + _TINY), dy / (rho + _TINY)
             screws.append((rx, ry, ax * ry - ay * rx))
-            normalised_levers.append(k.sin(half))
+            normalised_levers.append(sine)
             reach.append(2.0 * l - rho)
-            closure.append(rho - 2.0 * l * k.cos(half))
+            closure.append(rho - 2.0 * l * cosine)
             attachments.append((ax, ay))
+            limb.append(k.abs(cosine))
         legs = Legs(
             tuple(screws),
             tuple([l * s for s in normalised_levers]),
@@ -150,7 +153,7 @@ class Rrr3(TurningPlatform):
             tuple(closure),
         )
         legs.attachments = tuple(attachments)
-        legs.limb = tuple([k.abs(k.cos(0.5 * k.wrap(q))) for q in joints])
+        legs.limb = tuple(limb)
         return legs
 
     def posture(self, joints: Sequence[float], assembly: int) -> Posture:

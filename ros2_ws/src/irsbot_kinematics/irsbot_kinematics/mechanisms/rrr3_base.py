@@ -66,12 +66,12 @@ class Rrr3Base(CrankPlatform):
         """Rows (r_i, PB_i x r_i) with r_i along the rod; levers l1 sin(q_i - psi_i), psi_i the direction of the rod."""
         x, y, phi = pose
         l1, l2 = self.crank, self.rod
-        c, s = k.cos(phi), k.sin(phi)
+        c, s = k.cos_sin(phi)
         screws, normalised_levers, reach, closure, attachments = [], [], [], [], []
         for (fx, fy), (bx, by), q in zip(self.feet, self.corners, joints, strict=True):
             ax, ay = c * bx - s * by, s * bx + c * by
             X, Y = x + ax - fx, y + ay - fy
-            ux, uy = k.cos(q), k.sin(q)
+            ux, uy = k.cos_sin(q)
             rx, ry = X - l1 * ux, Y - l1 * uy
             size = k.hypot(rx, ry) + TINY
             rx, ry = rx / size, ry / size

@@ -78,12 +78,12 @@ class Ruu4(CrankPlatform):
         """
         x, y, z, phi = pose
         l1, l2 = self.crank, self.rod
-        c, s = k.cos(phi), k.sin(phi)
+        c, s = k.cos_sin(phi)
         screws, normalised_levers, reach, closure, attachments, level = [], [], [], [], [], []
         for (fx, fy), (bx, by), q in zip(self.feet, self.corners, joints, strict=True):
             ax, ay = c * bx - s * by, s * bx + c * by
             X, Y = x + ax - fx, y + ay - fy
-            ux, uy = k.cos(q), k.sin(q)
+            ux, uy = k.cos_sin(q)
             rx, ry = X - l1 * ux, Y - l1 * uy
             across = k.hypot(rx, ry)
             size = k.hypot(across, z) + TINY

@@ -68,7 +68,7 @@ class SlidingPlatform(BranchedPlatform):
         """Strut: its length; reach: to the nearer end of its stroke. Carriage: q = (B - o).u + w sqrt(L^2 - h^2), h the
         distance of B from the rail; reach L - h."""
         x, y, phi = pose
-        c, s, joints, reach = k.cos(phi), k.sin(phi), [], []
+        (c, s), joints, reach = k.cos_sin(phi), [], []
         legs = zip(self.feet, self.corners, self.rails, self.joints, mode, strict=True)
         for (ox, oy), (bx, by), rail, joint, w in legs:
             X, Y = x + c * bx - s * by - ox, y + s * bx + c * by - oy
@@ -94,7 +94,7 @@ class SlidingPlatform(BranchedPlatform):
     def legs(self, k: Arithmetic[N], joints: Sequence[N], pose: Sequence[N]) -> Legs[N]:
         """Rows (r_i, PB_i x r_i) with r_i along strut or rod; levers and sines -1 or -r_i.u_i."""
         x, y, phi = pose
-        c, s = k.cos(phi), k.sin(phi)
+        c, s = k.cos_sin(phi)
         screws, normalised_levers, reach, closure, attachments, limb = [], [], [], [], [], []
         for (cx, cy, length), (bx, by), rail, joint in zip(
             self.rods(k, joints), self.corners, self.rails, self.joints, strict=True
