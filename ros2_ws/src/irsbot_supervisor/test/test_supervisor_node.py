@@ -6,7 +6,7 @@ import math
 import signal
 import time
 from collections.abc import Callable
-from itertools import count, pairwise
+from itertools import count
 from pathlib import Path
 
 import pytest
@@ -215,7 +215,7 @@ def test_best_effort_joint_states_are_received_on_request(wire: Wire):
     cell.heard_level(Level.OK)
 
 
-def test_at_a_high_rate_samples_are_judged_whose_states_are_not_published(wire: Wire):
+def test_at_a_high_rate_states_are_published_at_their_most(wire: Wire):
     cell = Cell(wire)
     cell.say = lambda _: None
     cell.suite.start(Node("flood", "irsbot_supervisor.validation.harness.flood_source", {"rate_hz": 2.0 * STATES_HZ}))
@@ -223,10 +223,9 @@ def test_at_a_high_rate_samples_are_judged_whose_states_are_not_published(wire: 
     begin = len(cell.states)
     wire.until(lambda: len(cell.states) >= begin + 2500, "a second of states")
     states = cell.states[begin:]
-    numbers = [state.sequence for state in states]
-    passed_s = (states[-1].stamp_ns - states[0].stamp_ns) * 1e-9
+    passed_s = (states[-1].received_ns - states[0].received_ns) * 1e-9
     assert len(states) <= STATES_HZ * passed_s + STATES_AT_ONCE + 1
-    assert max(b - a for a, b in pairwise(numbers)) > 1  # judged in between, and not published
+    numbers = [state.sequence for state in states]
     assert sorted(set(numbers)) == numbers
 
 
