@@ -39,7 +39,7 @@ def test_the_specialised_sources_give_the_results_of_the_sources(tmp_path: Path)
     compile_modules.write_sources(
         SOURCE, files, {file: compile_modules.name_of(SOURCE, file) for file in files}, tmp_path
     )
-    text = (tmp_path / "irsbot_kinematics" / "mechanisms" / "planar_pair.py").read_text()
+    text = (tmp_path / "irsbot_kinematics" / "mechanisms" / "planar_kinematics.py").read_text()
     assert "def direct__float(" in text
     robots = ["irsbot2", "rrr3", "orthoglide", "ruu4", "rails3"]
     arguments = ["--samples", "100", "--parts", "postures", "--robots", *robots]

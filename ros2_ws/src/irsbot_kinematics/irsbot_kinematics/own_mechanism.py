@@ -28,8 +28,9 @@ from irsbot_kinematics.mechanism import (
 )
 from irsbot_kinematics.mechanisms.branched_platform import BranchedPlatform, Point
 from irsbot_kinematics.mechanisms.crank_platform import CrankPlatform
-from irsbot_kinematics.mechanisms.delta_family import DeltaFamily, DeltaGeometry
-from irsbot_kinematics.mechanisms.delta_family import Rail as RailInSpace
+from irsbot_kinematics.mechanisms.delta_family import DeltaFamily
+from irsbot_kinematics.mechanisms.delta_kinematics import DeltaGeometry
+from irsbot_kinematics.mechanisms.delta_kinematics import Rail as RailInSpace
 from irsbot_kinematics.mechanisms.geometry_checks import require, require_finite, require_size
 from irsbot_kinematics.mechanisms.rod_platform import Pair, RodPlatform
 from irsbot_kinematics.mechanisms.sliding_platform import Rail, SlidingPlatform

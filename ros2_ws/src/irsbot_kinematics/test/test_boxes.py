@@ -14,7 +14,7 @@ from rod_machines import closed, units
 import irsbot_kinematics as irs
 from irsbot_kinematics.bounds.boxes import reached
 from irsbot_kinematics.mechanism import Mechanism
-from irsbot_kinematics.mechanisms.delta_family import DeltaGeometry
+from irsbot_kinematics.mechanisms.delta_kinematics import DeltaGeometry
 from irsbot_kinematics.mechanisms.orthoglide import Orthoglide
 from irsbot_kinematics.mechanisms.sliding_platform import SlidingPlatform
 

@@ -11,7 +11,7 @@ from irsbot_kinematics.conformance import LAWS, conformance
 from irsbot_kinematics.conformance.samples import Machine
 from irsbot_kinematics.conformance.singular import singular_answered
 from irsbot_kinematics.mechanism import CertifiedBounds, Mechanism, Status
-from irsbot_kinematics.mechanisms.delta_family import DeltaGeometry
+from irsbot_kinematics.mechanisms.delta_kinematics import DeltaGeometry
 from irsbot_kinematics.mechanisms.orthoglide import Orthoglide
 from irsbot_kinematics.mechanisms.rrr3_base import Rrr3Base
 from irsbot_kinematics.numerics.arithmetic import ARRAYS

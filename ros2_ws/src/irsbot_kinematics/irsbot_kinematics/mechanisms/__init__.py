@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from irsbot_kinematics.mechanism import Mechanism
-from irsbot_kinematics.mechanisms.delta_family import DeltaGeometry
+from irsbot_kinematics.mechanisms.delta_kinematics import DeltaGeometry
 from irsbot_kinematics.mechanisms.five_bar import FiveBar, FiveBarGeometry
 from irsbot_kinematics.mechanisms.hybridglide import Hybridglide
 from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2

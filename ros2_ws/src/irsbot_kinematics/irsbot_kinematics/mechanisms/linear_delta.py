@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import ClassVar
 
-from irsbot_kinematics.mechanisms.delta_family import DeltaFamily, DeltaGeometry, Rail
+from irsbot_kinematics.mechanisms.delta_family import DeltaFamily
+from irsbot_kinematics.mechanisms.delta_kinematics import DeltaGeometry, Rail
 from irsbot_kinematics.mechanisms.geometry_checks import require, require_size
 from irsbot_kinematics.skeleton import Vector
 

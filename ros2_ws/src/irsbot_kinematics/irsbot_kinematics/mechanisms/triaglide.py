@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import ClassVar
 
-from irsbot_kinematics.mechanisms.delta_family import DeltaFamily, Rail
+from irsbot_kinematics.mechanisms.delta_family import DeltaFamily
+from irsbot_kinematics.mechanisms.delta_kinematics import Rail
 
 _Y = (0.0, 1.0, 0.0)
 

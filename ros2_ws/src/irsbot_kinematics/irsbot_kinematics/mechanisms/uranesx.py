@@ -5,7 +5,8 @@ from __future__ import annotations
 from math import sqrt
 from typing import ClassVar
 
-from irsbot_kinematics.mechanisms.delta_family import DeltaFamily, Rail
+from irsbot_kinematics.mechanisms.delta_family import DeltaFamily
+from irsbot_kinematics.mechanisms.delta_kinematics import Rail
 
 _Z = (0.0, 0.0, 1.0)
 
