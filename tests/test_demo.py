@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -145,19 +146,28 @@ def test_interrupting_the_demo_leaves_no_process_and_a_closed_bag(tmp_path: Path
     assert not recording.loss
 
 
+EARLY = """
+import os, signal, sys
+from irsbot_supervisor.executables import irsbot
+from irsbot_supervisor.processes.suite import JOINTS, Suite
+start = Suite.start
+def interrupted(suite, node):
+    if node.module == JOINTS:
+        os.kill(os.getpid(), signal.SIGTERM)
+    start(suite, node)
+Suite.start = interrupted
+irsbot()
+"""
+"""The command `irsbot`, interrupted at the moment when it starts the joints."""
+
+
 def test_interrupting_the_demo_before_a_joint_state_is_recorded_is_reported(tmp_path: Path) -> None:
-    bag = tmp_path / "run" / "bag"
-    command, pipe = [*IRSBOT, "demo", "--out", str(bag.parent)], subprocess.PIPE
-    with subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True) as process:
-        try:
-            _await(lambda: bool(list(bag.glob("*.mcap"))))  # the joints start later, after the supervisor
-            process.send_signal(signal.SIGTERM)
-            _out, err = process.communicate(timeout=PATIENCE_S)
-        finally:
-            process.kill()
-    assert process.returncode == 1
-    (line,) = err.splitlines()
+    command = [sys.executable, "-c", EARLY, "demo", "--out", str(tmp_path / "run")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
     assert "interrupted" in line
+    assert (tmp_path / "run" / "bag").is_dir()  # the recorder had begun
 
 
 def test_killing_the_demo_kills_its_nodes(tmp_path: Path) -> None:
