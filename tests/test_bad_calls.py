@@ -10,7 +10,7 @@ from unittest import mock
 
 import pytest
 
-from irsbot_supervisor.cli.app import _commands, app, main
+from irsbot_supervisor.cli.app import commands_of, main, whole_app
 
 ROOT = Path(__file__).parents[1]
 
@@ -272,7 +272,8 @@ def test_a_bad_call_is_one_line_with_exit_code_2_and_nothing_is_written(call: st
 
 
 def test_every_command_is_called_badly() -> None:
-    names = {command.name or command.callback.__name__ for command in _commands() if command.callback is not None}
+    app = whole_app()
+    names = {command.name or command.callback.__name__ for command in commands_of(app) if command.callback is not None}
     assert len([call for call in CALLS if call]) >= 140
     called = {word for call in CALLS for word in call.split()[:2]}
     assert len(app.registered_groups) == 3

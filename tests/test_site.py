@@ -18,7 +18,7 @@ from urllib.parse import unquote, urlsplit
 import pytest
 from typer.testing import CliRunner
 
-from irsbot_supervisor.cli.app import app
+from irsbot_supervisor.cli.app import whole_app
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.sim.simulation import Simulation
 
@@ -162,13 +162,13 @@ def test_every_node_of_the_suite_is_in_the_reference(generator: Any) -> None:
 def test_every_command_and_option_is_in_the_reference(generator: Any) -> None:
     text = "\n".join(text for place, text in generator.generated().items() if place.startswith("reference/commands/"))
     told = set(re.findall(r"^## irsbot (.+)$", text, re.MULTILINE))
-    shown = CliRunner().invoke(app, ["--help"]).stdout
+    shown = CliRunner().invoke(whole_app(), ["--help"]).stdout
     alone = set(re.findall(r"^  ([a-z-]+)  ", shown.split("Commands:")[1], re.MULTILINE))
     groups = {"send", "design", "algebra"}
     assert {name for name in told if " " not in name} == alone - groups
     assert {name.split()[0] for name in told if " " in name} == groups
     for command in ("replay", "docs"):
-        options = set(re.findall(r"(--[a-z-]+)", CliRunner().invoke(app, [command, "--help"]).stdout))
+        options = set(re.findall(r"(--[a-z-]+)", CliRunner().invoke(whole_app(), [command, "--help"]).stdout))
         assert "--help" in options
         section = text.split(f"## irsbot {command}\n")[1].split("\n## ")[0]
         assert [option for option in options - {"--help"} if option not in section] == []

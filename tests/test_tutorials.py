@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from irsbot_supervisor.cli.app import app
+from irsbot_supervisor.cli.app import whole_app
 from irsbot_supervisor.configuration.loading import read_settings
 
 ROOT = Path(__file__).parents[1]
@@ -79,7 +79,7 @@ def test_the_five_bar_of_the_page_is_a_robot_with_settings(tmp_path: Path) -> No
 def test_every_command_of_a_tutorial_exists(page: str) -> None:
     named = {shlex.split(command)[1] for command in commands(page) if command.startswith("./irsbot")}
     assert named
-    assert [name for name in named if CliRunner().invoke(app, [name, "--help"]).exit_code != 0] == []
+    assert [name for name in named if CliRunner().invoke(whole_app(), [name, "--help"]).exit_code != 0] == []
 
 
 def test_the_picture_of_the_data_is_drawn_from_modules_that_exist() -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import typer
 
-from irsbot_supervisor.cli.app import app
+from irsbot_supervisor.cli.app import whole_app
 from reference.text import code, page, table, value
 
 SETUP = Path(__file__).parents[3] / "setup" / "__main__.py"
@@ -54,7 +54,7 @@ def pages() -> dict[str, str]:
 
 
 def _root() -> Any:
-    return typer.main.get_command(app)
+    return typer.main.get_command(whole_app())
 
 
 def _leaves(command: Any, called: str) -> Iterator[tuple[str, Any]]:

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 pytest.importorskip("flint", reason="python-flint is an optional extra")
 
 from irsbot_kinematics import BadInput
-from irsbot_supervisor.cli.app import app
+from irsbot_supervisor.cli.app import whole_app
 from irsbot_supervisor.cli.common import Failed
 
 OWN = """
@@ -33,7 +33,7 @@ def own_cache(tmp_path, monkeypatch):
 
 
 def run(*words):
-    done = CliRunner().invoke(app, ["algebra", *words], catch_exceptions=False)
+    done = CliRunner().invoke(whole_app(), ["algebra", *words], catch_exceptions=False)
     assert done.exit_code == 0, done.output
     return done.output
 
@@ -137,7 +137,7 @@ def test_no_configuration_is_a_failure_not_a_mistake():
 
 
 def test_robots_tell_whether_they_are_cuspidal():
-    done = CliRunner().invoke(app, ["robots", "--json"], catch_exceptions=False)
+    done = CliRunner().invoke(whole_app(), ["robots", "--json"], catch_exceptions=False)
     answers = {row["name"]: row["cuspidal"] for row in json.loads(done.output)}
     assert answers["ruu4"] == answers["rrr3_base"] == answers["rpr3"] == "yes"
     assert answers["irsbot2"] == answers["orthoglide"] == "no"

@@ -11,11 +11,11 @@ import pytest
 from command import irsbot
 
 from irsbot_supervisor.cli import kinematics, settings
-from irsbot_supervisor.cli.app import _commands
+from irsbot_supervisor.cli.app import commands_of, whole_app
 from irsbot_supervisor.cli.common import _Output
 from irsbot_supervisor.core.settings import Settings
 
-COMMANDS = {command.name: command for command in _commands()}
+COMMANDS = {command.name: command for command in commands_of(whole_app())}
 WITHOUT_JSON = ("demo", "up", "urdf", "policy")
 """They run until they are ended, and tell what happens meanwhile, or print XML."""
 

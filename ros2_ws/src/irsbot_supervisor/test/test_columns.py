@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from irsbot_kinematics import BadInput
 from irsbot_supervisor.bag.columns import read_joint_columns, read_motion
-from irsbot_supervisor.cli.app import app
+from irsbot_supervisor.cli.app import whole_app
 
 NAMES = ["a", "b"]
 
@@ -66,5 +66,5 @@ def test_equal_times_and_nan_are_no_fault_of_samples(tmp_path: Path) -> None:
 def test_of_a_motion_in_joints_and_poses_the_joints_are_used(tmp_path: Path) -> None:
     joints = "-0.3,-2.84"  # of the pose (0, -0.85) or not: they are what is certified
     file = table(tmp_path, "time_s,joint_1,joint_2,x,z", f"0,{joints},0,-0.85", f"1,{joints},0,-0.85")
-    stated = CliRunner().invoke(app, ["check-trajectory", "irsbot2", str(file)])
+    stated = CliRunner().invoke(whole_app(), ["check-trajectory", "irsbot2", str(file)])
     assert "the motion is that of the joints; the columns x, z are not used" in stated.output

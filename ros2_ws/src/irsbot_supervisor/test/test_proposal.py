@@ -15,7 +15,7 @@ import irsbot_kinematics as irs
 from irsbot_kinematics import Status
 from irsbot_msgs_py.records import JointSample, Level
 from irsbot_msgs_py.stamps import NS_PER_S
-from irsbot_supervisor.cli.app import app
+from irsbot_supervisor.cli.app import whole_app
 from irsbot_supervisor.cli.common import Failed
 from irsbot_supervisor.configuration.loading import read_settings, read_values
 from irsbot_supervisor.configuration.proposal import LimitProposal, Plant, propose
@@ -189,7 +189,7 @@ def run(name: str, scenario: str, seconds: float, path: Path):
 
 def written(name: str, tmp_path: Path) -> Path:
     file = tmp_path / "mine.yaml"
-    done = CliRunner().invoke(app, ["limits", name, "--rate", f"{RATE_HZ:g}", "-o", str(file)])
+    done = CliRunner().invoke(whole_app(), ["limits", name, "--rate", f"{RATE_HZ:g}", "-o", str(file)])
     assert done.exit_code == 0, done.output
     return file
 
@@ -295,7 +295,7 @@ def test_the_file_has_the_reasons_and_is_read_back_with_the_same_numbers(tmp_pat
 
 def test_a_contradiction_is_reported_with_both_numbers_and_no_file_is_written(tmp_path):
     file = tmp_path / "mine.yaml"
-    done = CliRunner().invoke(app, ["limits", "irsbot2", "--deceleration", "20", "-o", str(file)])
+    done = CliRunner().invoke(whole_app(), ["limits", "irsbot2", "--deceleration", "20", "-o", str(file)])
     assert isinstance(done.exception, Failed)
     assert "needs 3.72 rad to stop" in str(done.exception)
     assert not file.exists()
@@ -303,7 +303,7 @@ def test_a_contradiction_is_reported_with_both_numbers_and_no_file_is_written(tm
 
 
 def test_json_has_settings_reasons_and_distances():
-    done = CliRunner().invoke(app, ["limits", "orthoglide", "--speed", "2", "--json"])
+    done = CliRunner().invoke(whole_app(), ["limits", "orthoglide", "--speed", "2", "--json"])
     stated = json.loads(done.output)
     assert stated["settings"]["velocity_limit"] == [2.0, 2.0, 2.0]
     assert set(stated["reasons"]) == set(stated["settings"]) - {"robot"}

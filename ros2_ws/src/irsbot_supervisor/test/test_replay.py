@@ -14,7 +14,7 @@ import irsbot_supervisor.replay.stepping
 from irsbot_msgs_py.records import Cause, JointSample, Level, SingularityState, Verdict
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.bag.errors import BagError
-from irsbot_supervisor.cli.app import app
+from irsbot_supervisor.cli.app import whole_app
 from irsbot_supervisor.replay.comparison import against_recording
 from irsbot_supervisor.replay.recording import read_recording
 from irsbot_supervisor.replay.rejudge import Assumption, judge_again
@@ -60,7 +60,7 @@ def test_an_error_inside_is_judged_unknown_as_in_the_node_and_the_replay_goes_on
     checks = faults_of(recording, judged)
     assert checks["errors inside"] == tuple(judged.errors)
     assert checks["recorded states"]
-    stated = CliRunner().invoke(app, ["replay", str(bag)])
+    stated = CliRunner().invoke(whole_app(), ["replay", str(bag)])
     assert stated.exit_code == 1
     assert "a fake error of the mechanism" in " ".join(stated.output.split())
 

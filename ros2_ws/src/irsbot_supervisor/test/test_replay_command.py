@@ -12,7 +12,7 @@ from command import irsbot
 from replayed import RATE_HZ, samples_of
 from typer.testing import CliRunner
 
-from irsbot_supervisor.cli.app import app
+from irsbot_supervisor.cli.app import whole_app
 from irsbot_supervisor.cli.junit import Suite, write_junit
 from irsbot_supervisor.configuration.loading import read_settings, shipped_values
 from irsbot_supervisor.fleet.records import BagCheck
@@ -91,19 +91,19 @@ def test_the_given_robot_is_kept_with_the_expectations(bag: Path, tmp_path: Path
     limits, expected = tmp_path / "limits.yaml", tmp_path / "expected.json"
     limits.write_text("dwell_s: 0.1")
     run = CliRunner()
-    nothing = run.invoke(app, ["replay", alone])
+    nothing = run.invoke(whole_app(), ["replay", alone])
     assert nothing.exit_code != 0
     assert "--robot NAME" in str(nothing.exception)
     words = ["replay", alone, "--robot", "irsbot2", "--settings", str(limits), "--write-expect", str(expected)]
-    assert run.invoke(app, words).exit_code == 0
+    assert run.invoke(whole_app(), words).exit_code == 0
     stated = json.loads(expected.read_text())
     assert (stated["robot"], stated["settings"]) == ("irsbot2", {"dwell_s": 0.1})
     del stated["draft"]
     expected.write_text(json.dumps(stated))
-    again = run.invoke(app, ["replay", alone])  # finds its expectations beside it
+    again = run.invoke(whole_app(), ["replay", alone])  # finds its expectations beside it
     assert again.exit_code == 0, again.exception
     assert "robot: irsbot2 with other settings" in again.stdout
-    other = run.invoke(app, ["replay", alone, "--robot", "irsbot2_beta45"])
+    other = run.invoke(whole_app(), ["replay", alone, "--robot", "irsbot2_beta45"])
     assert other.exit_code == 1
     assert "robot: irsbot2_beta45 with its shipped settings" in other.stdout
 
@@ -111,9 +111,9 @@ def test_the_given_robot_is_kept_with_the_expectations(bag: Path, tmp_path: Path
 def test_the_command_fails_with_the_first_difference_from_an_expectation_file(bag: Path, tmp_path: Path) -> None:
     expectation, report = tmp_path / "story.json", tmp_path / "report.xml"
     expectation.write_text(json.dumps({"story": [{"level": "UNKNOWN"}, {"level": "STOP"}]}))
-    assert CliRunner().invoke(app, ["replay", str(bag), "--json"]).exit_code == 0
+    assert CliRunner().invoke(whole_app(), ["replay", str(bag), "--json"]).exit_code == 0
     words = ["replay", str(bag), "--expect", str(expectation), "--junit", str(report), "--json"]
-    done = CliRunner().invoke(app, words)
+    done = CliRunner().invoke(whole_app(), words)
     assert done.exit_code == 1
     assert "expected story" in str(done.exception)
     rows = json.loads(done.stdout)["checks"]
@@ -123,7 +123,7 @@ def test_the_command_fails_with_the_first_difference_from_an_expectation_file(ba
 
 def test_the_page_of_a_run_shows_settings_with_units_and_the_origin_of_times(bag: Path, tmp_path: Path) -> None:
     page = tmp_path / "run.html"
-    assert CliRunner().invoke(app, ["report", str(bag), "-o", str(page)]).exit_code == 0
+    assert CliRunner().invoke(whole_app(), ["report", str(bag), "-o", str(page)]).exit_code == 0
     text = page.read_text()
     assert "<tr><td>stale_s</td><td>0.05</td><td>s</td></tr>" in text
     assert "<tr><td>payload_kg</td><td>0.0</td><td>kg</td></tr>" in text

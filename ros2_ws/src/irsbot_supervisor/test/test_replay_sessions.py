@@ -16,7 +16,7 @@ from irsbot_supervisor.bag.bag import Bag
 from irsbot_supervisor.bag.bag_writer import BagWriter
 from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.bag.journal import Configuration, configured, write_entry
-from irsbot_supervisor.cli.app import app
+from irsbot_supervisor.cli.app import whole_app
 from irsbot_supervisor.configuration.feasibility import settings_from
 from irsbot_supervisor.configuration.loading import read_settings
 from irsbot_supervisor.core.events import Configure, Event
@@ -116,7 +116,7 @@ def test_times_count_from_the_first_joint_state_on_every_clock_and_in_every_outp
         change = configured(settings, robot, samples[0].received_ns - NS_PER_S // 2, samples[0].seen_ns - NS_PER_S // 2)
         active(Supervisor(settings, robot), change, samples, writer)
     recording = read_recording(target)
-    stated = json.loads(CliRunner().invoke(app, ["replay", str(target), "--json"]).stdout)["chapters"]
+    stated = json.loads(CliRunner().invoke(whole_app(), ["replay", str(target), "--json"]).stdout)["chapters"]
     found = outcome(recording, ExpectedOutcome(stop=False))
     assert stated[0]["time_s"] == pytest.approx(-0.5)
     assert stated[1]["level"] == "OK"
@@ -175,9 +175,9 @@ def test_each_of_several_robots_in_a_bag_is_judged_as_if_it_were_alone(bag: Path
 
 def test_the_command_takes_the_namespace_and_info_lists_them(side_by_side: Path) -> None:
     run = CliRunner()
-    assert run.invoke(app, ["replay", str(side_by_side), "--namespace", "left"]).exit_code == 0
-    assert run.invoke(app, ["replay", str(side_by_side)]).exit_code != 0
-    stated = json.loads(run.invoke(app, ["info", str(side_by_side), "--json"]).stdout)
+    assert run.invoke(whole_app(), ["replay", str(side_by_side), "--namespace", "left"]).exit_code == 0
+    assert run.invoke(whole_app(), ["replay", str(side_by_side)]).exit_code != 0
+    stated = json.loads(run.invoke(whole_app(), ["info", str(side_by_side), "--json"]).stdout)
     named = [(one["namespace"], one["robot"], one["joint_states"]) for one in stated["robots"]]
     assert named == [
         ("/cell/right", "irsbot2", ["/cell/right/joint_states"]),
@@ -189,20 +189,20 @@ def test_the_command_takes_the_namespace_and_info_lists_them(side_by_side: Path)
 def test_the_namespace_is_kept_with_the_expectations(side_by_side: Path, tmp_path: Path) -> None:
     run, expected = CliRunner(), tmp_path / "expected.json"
     words = ["replay", str(side_by_side), "--namespace", "left", "--write-expect", str(expected)]
-    assert run.invoke(app, words).exit_code == 0
+    assert run.invoke(whole_app(), words).exit_code == 0
     stated = json.loads(expected.read_text())
     assert stated.pop("namespace") == "left"
     del stated["draft"]
     expected.write_text(json.dumps({**stated, "namespace": "/cell/right"}))
-    right = run.invoke(app, ["replay", str(side_by_side), "--expect", str(expected)])
+    right = run.invoke(whole_app(), ["replay", str(side_by_side), "--expect", str(expected)])
     assert right.exit_code == 1
     assert "expected story" in str(right.exception)  # the right one's run is shorter
     expected.write_text(json.dumps({**stated, "namespace": "left"}))
-    assert run.invoke(app, ["replay", str(side_by_side), "--expect", str(expected)]).exit_code == 0
+    assert run.invoke(whole_app(), ["replay", str(side_by_side), "--expect", str(expected)]).exit_code == 0
 
 
 def test_info_prints_the_configuration_of_the_verdicts_of_a_bag(bag: Path) -> None:
-    stated = json.loads(CliRunner().invoke(app, ["info", str(bag), "--json"]).stdout)
+    stated = json.loads(CliRunner().invoke(whole_app(), ["info", str(bag), "--json"]).stdout)
     assert stated["config_hash"] == read_settings("irsbot2")[0].config_hash
 
 

@@ -11,7 +11,7 @@ from scipy.interpolate import CubicHermiteSpline
 from typer.testing import CliRunner, Result
 
 from irsbot_msgs_py.records import Cause
-from irsbot_supervisor.cli.app import app
+from irsbot_supervisor.cli.app import whole_app
 from irsbot_supervisor.configuration.loading import read_settings
 from irsbot_supervisor.core.margins import MARGIN_CAUSES
 from irsbot_supervisor.trajectory.survey import survey
@@ -101,7 +101,7 @@ def test_speeds_are_those_of_the_motion_between_its_points(rates: list[list[floa
 def asked(folder: Path, header: str, rows: list[str], *words: str) -> Result:
     file = folder / "motion.csv"
     file.write_text("\n".join([header, *rows]) + "\n")
-    return CliRunner().invoke(app, ["check-trajectory", "irsbot2_beta45", str(file), *words])
+    return CliRunner().invoke(whole_app(), ["check-trajectory", "irsbot2_beta45", str(file), *words])
 
 
 def test_the_command_prints_row_time_and_pose_of_a_violation_and_both_bounds(tmp_path: Path) -> None:

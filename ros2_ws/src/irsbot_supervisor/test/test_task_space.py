@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 import irsbot_kinematics as irs
 from irsbot_msgs_py.records import Cause
-from irsbot_supervisor.cli.app import app
+from irsbot_supervisor.cli.app import whole_app
 from irsbot_supervisor.configuration.loading import read_settings
 from irsbot_supervisor.trajectory.joint_path import BadTrajectory
 from irsbot_supervisor.trajectory.task_space import certify_poses
@@ -76,10 +76,10 @@ def test_the_command_takes_poses_by_the_names_of_the_task_coordinates(tmp_path: 
     path = tmp_path / "path.csv"
     with path.open("w", newline="") as file:
         csv.writer(file).writerows([("time_s", "x", "z"), (0.0, 0.0, -0.85), (1.0, 0.2, -0.8)])
-    assert CliRunner().invoke(app, ["check-trajectory", "irsbot2", str(path)]).exit_code == 0
+    assert CliRunner().invoke(whole_app(), ["check-trajectory", "irsbot2", str(path)]).exit_code == 0
     with path.open("a", newline="") as file:
         csv.writer(file).writerow((3.0, 0.0, -1.25))
-    assert CliRunner().invoke(app, ["check-trajectory", "irsbot2", str(path)]).exit_code == 1
+    assert CliRunner().invoke(whole_app(), ["check-trajectory", "irsbot2", str(path)]).exit_code == 1
 
 
 @pytest.mark.parametrize(
@@ -93,7 +93,7 @@ def test_the_command_takes_poses_by_the_names_of_the_task_coordinates(tmp_path: 
 def test_a_file_that_is_no_motion_is_refused(tmp_path: Path, table: bytes, words: str):
     path = tmp_path / "motion.csv"
     path.write_bytes(table)
-    refused = CliRunner().invoke(app, ["check-trajectory", "irsbot2", str(path)])
+    refused = CliRunner().invoke(whole_app(), ["check-trajectory", "irsbot2", str(path)])
     assert isinstance(refused.exception, irs.BadInput)
     assert words in str(refused.exception)
 
@@ -106,7 +106,7 @@ def test_a_file_that_is_no_motion_is_refused(tmp_path: Path, table: bytes, words
     ],
 )
 def test_a_map_without_its_ranges_names_the_missing_options(tmp_path: Path, words: list[str], stated: str):
-    refused = CliRunner().invoke(app, ["map", *words, "-o", str(tmp_path / "map.png")])
+    refused = CliRunner().invoke(whole_app(), ["map", *words, "-o", str(tmp_path / "map.png")])
     assert isinstance(refused.exception, irs.BadInput)
     assert stated in str(refused.exception)
 

@@ -20,9 +20,14 @@ def start(module: str) -> NoReturn:
     try:
         main = import_module(module).main
     except ModuleNotFoundError as error:
-        library = (error.name or "").split(".")[0]
-        print(f"the Python library '{library}' is missing: install it, as the README says", file=sys.stderr)
-        sys.exit(USAGE)
+        refuse_missing(error)
     for number, handler in before.items():
         signal.signal(number, handler)
     sys.exit(main())
+
+
+def refuse_missing(error: ModuleNotFoundError) -> NoReturn:
+    """End the process: a library is missing."""
+    library = (error.name or "").split(".")[0]
+    print(f"the Python library '{library}' is missing: install it, as the README says", file=sys.stderr)
+    sys.exit(USAGE)

@@ -1,98 +1,136 @@
-"""The command line `irsbot`."""
+"""The command line `irsbot`.
+
+Only the module of the command that is called is loaded; all of them for the list of commands.
+"""
 
 from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator
-from typing import Annotated, Any
+from collections.abc import Callable, Iterable, Iterator
+from functools import cache
+from importlib import import_module
+from typing import Annotated, Any, NamedTuple
 
 import typer
 from typer.models import CommandInfo
 
 from irsbot_kinematics import NotAssembled, Unreachable
 from irsbot_kinematics.stiffness import NoSize, SingularPosture
+from irsbot_msgs_py.process.start import refuse_missing
 from irsbot_supervisor import __version__
-from irsbot_supervisor.cli import (
-    algebra,
-    bags,
-    bench,
-    check,
-    demo,
-    design,
-    docs,
-    evaluate,
-    faults,
-    kinematics,
-    limits,
-    map,
-    mechanism,
-    monitor,
-    operate,
-    policy,
-    replay,
-    report,
-    settings,
-    sizing,
-    stiffness,
-    sweep,
-    up,
-    urdf,
-)
 from irsbot_supervisor.cli.common import BAD_INPUT, NUMBERS, Failed, err, out
 from irsbot_supervisor.cli.outputs import guarded
 from irsbot_supervisor.processes.suite import SuiteError
 
-app = typer.Typer(
-    help="Singularity supervision of parallel robots. Not a certified safety device.",
-    no_args_is_help=True,
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
-    add_completion=False,
-)
-app.command("demo")(demo.demo)
-app.command("up")(up.up)
-app.command("robots")(kinematics.list_robots)
-app.command("ik", context_settings=NUMBERS)(kinematics.inverse)
-app.command("dk", context_settings=NUMBERS)(kinematics.direct)
-app.command("evaluate")(evaluate.evaluate)
-app.command("replay")(replay.replay)
-app.command("check-trajectory")(check.check_trajectory)
-app.command("verdict")(operate.verdict)
-app.command("monitor")(monitor.monitor)
-app.command("reset")(operate.reset)
-app.command("set", context_settings=NUMBERS)(operate.set_)
-app.command("check-mechanism")(mechanism.check_mechanism)
-app.command("new-mechanism")(mechanism.new_mechanism)
-app.command("info")(bags.info)
-app.command("salvage")(bags.salvage)
-app.command("settings")(settings.settings)
-app.command("limits")(limits.limits)
-app.command("report")(report.report)
-app.command("bench")(bench.bench)
-app.command("faults")(faults.faults)
-app.command("docs")(docs.docs)
-app.command("map")(map.draw)
-app.command("stiffness", context_settings=NUMBERS)(stiffness.show)
-app.command("policy")(policy.policy)
-app.command("urdf")(urdf.write)
-design.app.command("sweep")(sweep.sweep)
-design.app.command("size")(sizing.size)
-for name, group in (("send", operate.app), ("design", design.app), ("algebra", algebra.app)):
-    app.add_typer(group, name=name, short_help=str(group.info.help).partition("\n")[0].rstrip("."))
+
+class Place(NamedTuple):
+    """Where a command is: a module of this package and a function in it."""
+
+    module: str
+    function: str
+    takes_numbers: bool = False  # a negative number is an argument, not an option
 
 
-def _commands() -> Iterator[CommandInfo]:
+COMMANDS = {
+    "demo": Place("demo", "demo"),
+    "up": Place("up", "up"),
+    "robots": Place("kinematics", "list_robots"),
+    "ik": Place("kinematics", "inverse", takes_numbers=True),
+    "dk": Place("kinematics", "direct", takes_numbers=True),
+    "evaluate": Place("evaluate", "evaluate"),
+    "replay": Place("replay", "replay"),
+    "check-trajectory": Place("check", "check_trajectory"),
+    "verdict": Place("operate", "verdict"),
+    "monitor": Place("monitor", "monitor"),
+    "reset": Place("operate", "reset"),
+    "set": Place("operate", "set_", takes_numbers=True),
+    "check-mechanism": Place("mechanism", "check_mechanism"),
+    "new-mechanism": Place("mechanism", "new_mechanism"),
+    "info": Place("bags", "info"),
+    "salvage": Place("bags", "salvage"),
+    "settings": Place("settings", "settings"),
+    "limits": Place("limits", "limits"),
+    "report": Place("report", "report"),
+    "bench": Place("bench", "bench"),
+    "faults": Place("faults", "faults"),
+    "docs": Place("docs", "docs"),
+    "map": Place("map", "draw"),
+    "stiffness": Place("stiffness", "show", takes_numbers=True),
+    "policy": Place("policy", "policy"),
+    "urdf": Place("urdf", "write"),
+}
+GROUPS = {"send": "operate", "design": "design", "algebra": "algebra"}
+"""Group of commands -> module whose `app` has them."""
+
+ELSEWHERE = {"design": {"sweep": Place("sweep", "sweep"), "size": Place("sizing", "size")}}
+"""Members of a group from other modules."""
+
+UNGUARDED = ("salvage",)
+"""Commands that write, without the rule for files: a bag is always a new one."""
+
+
+def app_of(names: Iterable[str]) -> typer.Typer:
+    """The command line with these commands and groups."""
+    app = typer.Typer(
+        help="Singularity supervision of parallel robots. Not a certified safety device.",
+        no_args_is_help=True,
+        rich_markup_mode=None,
+        pretty_exceptions_enable=False,
+        add_completion=False,
+    )
+    app.callback()(_options)
+    for name in names:
+        if name in COMMANDS:
+            app.registered_commands.append(_command(name))
+        else:
+            group = _group(name)
+            app.add_typer(group, name=name, short_help=str(group.info.help).partition("\n")[0].rstrip("."))
+    return app
+
+
+def whole_app() -> typer.Typer:
+    """The command line with everything."""
+    return app_of((*COMMANDS, *GROUPS))
+
+
+def commands_of(app: typer.Typer) -> Iterator[CommandInfo]:
     """Every command, also those of groups."""
-    for group in (app, operate.app, design.app, algebra.app):
-        yield from group.registered_commands
+    yield from app.registered_commands
+    for group in app.registered_groups:
+        assert group.typer_instance is not None
+        yield from group.typer_instance.registered_commands
 
 
-for command in _commands():
-    assert command.callback is not None
-    command.short_help = (command.callback.__doc__ or "").partition("\n")[0].partition(". ")[0].rstrip(".")  # never cut
-    if command.callback is not bags.salvage:  # a bag is always a new one
-        command.callback = guarded(command.callback)
+@cache
+def _command(name: str) -> CommandInfo:
+    place = COMMANDS[name]
+    made = CommandInfo(name, callback=_function(place), context_settings=NUMBERS if place.takes_numbers else None)
+    _finish(made, name)
+    return made
+
+
+@cache
+def _group(name: str) -> typer.Typer:
+    app: typer.Typer = import_module(f"irsbot_supervisor.cli.{GROUPS[name]}").app
+    for member, place in ELSEWHERE.get(name, {}).items():
+        app.command(member)(_function(place))
+    for made in app.registered_commands:
+        _finish(made, made.name or "")
+    return app
+
+
+def _function(place: Place) -> Callable[..., Any]:
+    function: Callable[..., Any] = getattr(import_module(f"irsbot_supervisor.cli.{place.module}"), place.function)
+    return function
+
+
+def _finish(made: CommandInfo, name: str) -> None:
+    """The first sentence is the summary, never cut; files are written by one rule."""
+    assert made.callback is not None
+    made.short_help = (made.callback.__doc__ or "").partition("\n")[0].partition(". ")[0].rstrip(".")
+    if name not in UNGUARDED:
+        made.callback = guarded(made.callback)
 
 
 def _say_version(asked: bool) -> None:
@@ -101,7 +139,6 @@ def _say_version(asked: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
 def _options(
     _version: Annotated[
         bool, typer.Option("--version", callback=_say_version, is_eager=True, help="print the version")
@@ -120,12 +157,12 @@ SIGPIPE_CODE = 128 + 13
 def main() -> None:
     """Run a command; exit code 0 done, 1 a check failed, 2 bad usage or input. Prints no traceback for these."""
     program = os.environ.get("IRSBOT_COMMAND", "irsbot")  # as the user called it
-    for command in _commands():
-        if command.callback is not None and command.callback.__doc__:
-            command.callback.__doc__ = command.callback.__doc__.replace("Example: irsbot", f"Example: {program}")
-    for group in app.registered_groups:
-        assert group.typer_instance is not None
-        group.help = str(group.typer_instance.info.help).replace("Example: irsbot", f"Example: {program}")
+    called = sys.argv[1] if len(sys.argv) > 1 else ""
+    try:
+        app = app_of([called]) if called in COMMANDS or called in GROUPS else whole_app()
+    except ModuleNotFoundError as error:
+        refuse_missing(error)
+    _name_the_program(app, program)
     try:
         code = app(prog_name=program, standalone_mode=False)
         sys.stdout.flush()
@@ -146,6 +183,16 @@ def main() -> None:
         sys.exit(2)
     if code:
         sys.exit(code)
+
+
+def _name_the_program(app: typer.Typer, program: str) -> None:
+    """In the examples of the help texts."""
+    for command in commands_of(app):
+        if command.callback is not None and command.callback.__doc__:
+            command.callback.__doc__ = command.callback.__doc__.replace("Example: irsbot", f"Example: {program}")
+    for group in app.registered_groups:
+        assert group.typer_instance is not None
+        group.help = str(group.typer_instance.info.help).replace("Example: irsbot", f"Example: {program}")
 
 
 def _say_usage(error: Any) -> None:
