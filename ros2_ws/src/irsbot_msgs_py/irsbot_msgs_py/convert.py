@@ -201,41 +201,13 @@ def state_msg(record: SingularityState) -> ros.SingularityState:
 
 
 def summary_record(message: ros.StateSummary) -> StateSummary:
-    """StateSummary.msg as a record."""
-    return StateSummary(
-        state=state_record(message.state),
-        state_count=message.state_count,
-        state_total=message.state_total,
-        type1_margin_min=message.type1_margin_min,
-        type1_margin_max=message.type1_margin_max,
-        type2_margin_min=message.type2_margin_min,
-        type2_margin_max=message.type2_margin_max,
-        constraint_margin_min=message.constraint_margin_min,
-        constraint_margin_max=message.constraint_margin_max,
-        limb_margin_min=message.limb_margin_min,
-        limb_margin_max=message.limb_margin_max,
-        stop_margin_min=message.stop_margin_min,
-        stop_margin_max=message.stop_margin_max,
-    )
+    """StateSummary.msg as a record; its fields behind the state have the same names and types."""
+    return StateSummary(state_record(message.state), *[getattr(message, name) for name in StateSummary._fields[1:]])
 
 
 def summary_msg(record: StateSummary) -> ros.StateSummary:
     """A summary as StateSummary.msg."""
-    return ros.StateSummary(
-        state=state_msg(record.state),
-        state_count=record.state_count,
-        state_total=record.state_total,
-        type1_margin_min=record.type1_margin_min,
-        type1_margin_max=record.type1_margin_max,
-        type2_margin_min=record.type2_margin_min,
-        type2_margin_max=record.type2_margin_max,
-        constraint_margin_min=record.constraint_margin_min,
-        constraint_margin_max=record.constraint_margin_max,
-        limb_margin_min=record.limb_margin_min,
-        limb_margin_max=record.limb_margin_max,
-        stop_margin_min=record.stop_margin_min,
-        stop_margin_max=record.stop_margin_max,
-    )
+    return ros.StateSummary(**{**record._asdict(), "state": state_msg(record.state)})
 
 
 def health_record(message: ros.RecorderHealth) -> RecorderHealth:
