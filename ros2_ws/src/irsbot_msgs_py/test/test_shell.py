@@ -57,7 +57,7 @@ class Shown(LifecycleNode):
             Stuck()
         super().destroy_node()
 
-WISH = sys.argv[1]
+WISH = sys.argv.pop(1)
 sys.exit(run(Shown, log="shown" if WISH == "talk" else ""))
 """
 
@@ -114,6 +114,22 @@ def test_a_second_signal_gives_the_same_exit_code():
         while process.poll() is None:
             process.send_signal(signal.SIGINT)
         assert process.returncode == 0
+
+
+def test_an_argument_that_is_not_for_ros_is_refused():
+    with shown("run", "--robot", "five_bar") as process:
+        out, err = process.communicate(timeout=120)
+    assert (process.returncode, out) == (2, "")
+    (line,) = err.splitlines()
+    assert "'--robot'" in line
+    assert "-p NAME:=VALUE" in line
+
+
+def test_help_says_which_arguments_a_node_takes():
+    with shown("run", "--help") as process:
+        out, err = process.communicate(timeout=120)
+    assert (process.returncode, err) == (0, "")
+    assert "--ros-args -p robot:=five_bar" in out
 
 
 def test_an_error_in_a_callback_is_reported_and_survived():

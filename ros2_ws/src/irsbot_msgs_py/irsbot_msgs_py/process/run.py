@@ -33,6 +33,11 @@ GOODBYE_S = 2
 SWITCH_S = 0.0005
 """s after which a thread lets another one run, instead of 5 ms: half a heartbeat."""
 
+ARGUMENTS = """\
+Arguments: --ros-args [-p PARAMETER:=VALUE]... [-r TOPIC:=OTHER]... [--params-file FILE]
+Example: --ros-args -p robot:=five_bar -r __ns:=/left"""
+"""What every node takes, for its help text."""
+
 ENDS = signal.SIGINT, signal.SIGTERM
 """Exceptions that end a node."""
 
@@ -53,7 +58,21 @@ def run(
     make_node: creates the node, after rclpy is initialised. argv: default: those of the process. usage_errors:
     exceptions of make_node for mistakes of the caller; like UsageError they become one sentence. log: name of a log
     file that another process writes (`log_aside`), for a node that no disk and no terminal may delay.
+
+    Arguments that are not for ROS are refused: `--robot five_bar` sets no parameter, and must not look as if it did.
     """
+    from rclpy.utilities import remove_ros_args
+
+    try:
+        words = remove_ros_args(sys.argv if argv is None else list(argv))[1:]
+    except Exception as error:  # rclpy gives its argument errors no public name
+        return _refuse(error)
+    if {"-h", "--help"} & set(words):
+        about = sys.modules[make_node.__module__].__doc__ or ""
+        print(about.strip(), ARGUMENTS, sep="\n\n")
+        return DONE
+    if words:
+        return _refuse(UsageError(f"unknown argument '{words[0]}': a parameter is set by --ros-args -p NAME:=VALUE"))
     return run_together((make_node,), argv, usage_errors, log)
 
 
