@@ -15,7 +15,6 @@ import contextlib
 import json
 import math
 import shutil
-import signal
 import socket
 import subprocess
 import sys
@@ -105,8 +104,8 @@ def free_port() -> int:
 
 
 def end(suite: subprocess.Popen[bytes]) -> None:
-    """End the suite as Ctrl-C does."""
-    suite.send_signal(signal.SIGINT)
+    """End the suite in order. A job in the background of a shell ignores SIGINT, and so do its children."""
+    suite.terminate()
     suite.wait(PATIENCE_S)
 
 

@@ -9,7 +9,6 @@ that serves the page as a share of one core, once without and once with a browse
 from __future__ import annotations
 
 import argparse
-import signal
 import socket
 import subprocess
 import sys
@@ -54,7 +53,7 @@ def main() -> None:
             try:
                 measure(suite, port, Path(folder), stated.seconds)
             finally:
-                suite.send_signal(signal.SIGINT)
+                suite.terminate()  # a job in the background of a shell ignores SIGINT, and so do its children
                 suite.wait(30)
 
 

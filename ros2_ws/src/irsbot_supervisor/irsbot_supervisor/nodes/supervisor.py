@@ -5,11 +5,9 @@ from __future__ import annotations
 import sys
 import time
 from dataclasses import asdict
-from typing import Any
 
 from irsbot_msgs.msg import SingularityState
 from irsbot_msgs.msg import Verdict as VerdictMsg
-from irsbot_msgs.srv import BypassStop, CheckTrajectory, ResetStop
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -30,23 +28,23 @@ from irsbot_supervisor.nodes.allowance import Allowance
 from irsbot_supervisor.nodes.as_declared import read_as_declared
 from irsbot_supervisor.nodes.bond import Bond
 from irsbot_supervisor.nodes.callers import Callers
-from irsbot_supervisor.nodes.check import answered, asked, refused
+from irsbot_supervisor.nodes.clocks import both_clocks
 from irsbot_supervisor.nodes.diagnostics import DiagnosticsPublisher
 from irsbot_supervisor.nodes.endpoints import quality
 from irsbot_supervisor.nodes.follow import FollowServer, action_type
 from irsbot_supervisor.nodes.gate import CommandGate
 from irsbot_supervisor.nodes.graph_monitor import GraphMonitor
 from irsbot_supervisor.nodes.judging_times import JudgingTimes
-from irsbot_supervisor.nodes.later import Later, Steps
+from irsbot_supervisor.nodes.later import Later
 from irsbot_supervisor.nodes.lifecycle import answer_every_request, forget_state_machine
 from irsbot_supervisor.nodes.markers import MarkersPublisher
 from irsbot_supervisor.nodes.parameters import ChangingSettings, declare_settings
 from irsbot_supervisor.nodes.posture import PosturePublisher
 from irsbot_supervisor.nodes.safe import PROMISED, SafePublisher
 from irsbot_supervisor.nodes.samples import Samples
+from irsbot_supervisor.nodes.services import Services
 from irsbot_supervisor.nodes.summary import SummaryPublisher
 from irsbot_supervisor.nodes.verdict_log import VerdictLog
-from irsbot_supervisor.trajectory.joint_path import BadTrajectory
 
 PARAMETERS = {
     "autostart": (True, "become active at the start, without waiting for transitions"),
@@ -70,12 +68,6 @@ sample is judged, and each change of the verdict is published, at higher rates t
 
 SHOWN_NS = 50_000_000
 """ns: shortest time between markers, postures and diagnostics."""
-
-REQUESTS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
-"""The default depth of ten would leave most of a hundred simultaneous clients without an answer."""
-
-INACTIVE = "the supervisor is not active"
-"""Answer of a service while the supervisor is inactive."""
 
 JOURNAL = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -110,7 +102,6 @@ class SupervisorNode(LifecycleNode):
         self._listened = False  # True if states have a subscriber; a new one is noticed with the next sample
         self._reported_ns = 0  # seen_ns of the newest state
         self._speech: list[Publisher] = []
-        self._answered_s = 0.0  # when a refused wish was logged last, steady clock
         self._stream = quality(self, SingularityState, "~/state", STREAM)
         self._lasting = quality(self, String, "~/journal", JOURNAL)
         self._samples = Samples(self, INLET, self._step)
@@ -128,10 +119,7 @@ class SupervisorNode(LifecycleNode):
         self._gate = CommandGate(self, settings, self._robot, self._supervisor, self._fail)
         action = action_type()
         self._follow = FollowServer(self, action, self._gate, self._supervisor) if action else None
-        self.create_service(ResetStop, "~/reset", self._on_reset, qos_profile=REQUESTS)
-        self.create_service(BypassStop, "~/bypass", self._on_bypass, qos_profile=REQUESTS)
-        check = self.create_service(CheckTrajectory, "~/check_trajectory", _served_later, qos_profile=REQUESTS)
-        self._later.serve(check, self._on_check)
+        self._requests = Services(self, self._supervisor, self._later, self._callers, self._take, self._fail)
         read_as_declared(self)
         if autostart:
             self.trigger_configure()
@@ -159,11 +147,12 @@ class SupervisorNode(LifecycleNode):
         self._speech = [self._states, self._verdicts, self._journal]
         self._start_heart(self._settings)
         self._active, self._changing.locked = True, self._lock
+        self._requests.active = True
         self._bond.form()
         self._configure(self._settings)
         if self._restarted:
             self._restarted = False
-            restart = Restart(*self._now(), int(time.time()))
+            restart = Restart(*both_clocks(self), int(time.time()))
             self._note(restart)
             self._step(restart)
         self._samples.open()
@@ -204,7 +193,7 @@ class SupervisorNode(LifecycleNode):
 
     def _fall_silent(self) -> None:
         """Stop publishing. A heartbeat may still come before the executor notices; it finds the node inactive."""
-        self._active = False
+        self._active = self._requests.active = False
         self._bond.end()
         self._stop_heart()
         self._samples.close()
@@ -235,62 +224,11 @@ class SupervisorNode(LifecycleNode):
         self._samples.settle()
         self._listened = self._active and self._states.get_subscription_count() > 0
         self._summary.look()
-        tick = Tick(*self._now())
+        tick = Tick(*both_clocks(self))
         self._step(tick)
         self._gate.beat(tick.seen_ns)
         if self._follow is not None and self._active:
             self._follow.beat(tick.seen_ns)
-
-    def _on_reset(self, request: ResetStop.Request, response: ResetStop.Response) -> ResetStop.Response:
-        if not self._active:
-            response.message = INACTIVE
-            return response
-        reset = Reset(*self._now(), request.event, request.operator_text, tuple(request.seed_pose))
-        what = f"reset of event {request.event}, {request.operator_text!r}"
-        response.accepted, response.message = self._wish(reset, what, "~/reset")
-        return response
-
-    def _on_bypass(self, request: BypassStop.Request, response: BypassStop.Response) -> BypassStop.Response:
-        if not self._active:
-            response.message = INACTIVE
-            return response
-        given = request.event, request.cause, request.duration_s, request.operator_name, request.reason
-        what = f"bypass of cause {request.cause} of event {request.event} for {request.duration_s:g} s"
-        what += f" by {request.operator_name!r}, {request.reason!r}"
-        response.accepted, response.message = self._wish(Bypass(*self._now(), *given), what, "~/bypass")
-        return response
-
-    def _wish(self, wish: Reset | Bypass, what: str, service: str) -> tuple[bool, str]:
-        """Record an operator's request in the journal before it is judged. Returns whether it was accepted, and the
-        reason if not."""
-        self._note(wish)
-        step = self._step(wish)
-        accepted = step is not None and not step.refusal
-        message = step.refusal if step is not None else "an error occurred inside the supervisor"
-        self._callers.count("resets" if isinstance(wish, Reset) else "bypasses", accepted)
-        if accepted:
-            self.get_logger().info(f"{what}, {self._callers.who(service)}: accepted")
-        elif time.monotonic() - self._answered_s > 1.0:  # a client that asks without end gets answers, but no log lines
-            self._answered_s = time.monotonic()
-            self.get_logger().info(f"{what}, {self._callers.who(service)}: {message}")
-        return accepted, message
-
-    def _on_check(self, request: CheckTrajectory.Request, response: CheckTrajectory.Response) -> Steps:
-        """Check a planned motion while the robot stands: a moving robot has left the start of the motion when the
-        answer comes."""
-        if not self._active:
-            return refused(response, INACTIVE)
-        if not self._supervisor.standing:
-            return refused(response, "the robot is moving, or its state is not known: ask while it stands")
-        try:
-            view = self._supervisor.view
-            prediction_delay_s = view.prediction_delay_s if view is not None else 0.0
-            return answered((yield asked(self._robot, self._settings, request, prediction_delay_s)), response)
-        except BadTrajectory as error:
-            return refused(response, str(error))
-        except Exception as error:
-            self._fail(error)
-            return refused(CheckTrajectory.Response(), f"an error occurred inside the supervisor: {error}")
 
     def _step(self, event: Event) -> Step | None:
         """Run the core with one guard: an internal error becomes an UNKNOWN verdict and a log line."""
@@ -357,20 +295,17 @@ class SupervisorNode(LifecycleNode):
 
     def _configure(self, settings: Settings) -> None:
         """Bring the settings into force; before the first sample, a silence counts from here."""
-        now = self._now()
+        now = both_clocks(self)
         self._note(configured(settings, self._robot, *now))
         self._step(Configure(*now, settings))
 
+    def _take(self, wish: Reset | Bypass) -> Step | None:
+        """Record an operator's wish in the journal before it is judged."""
+        self._note(wish)
+        return self._step(wish)
+
     def _note(self, entry: Entry) -> None:
         self._journal.publish(String(data=write_entry(entry)))
-
-    def _now(self) -> tuple[int, int]:
-        return self.get_clock().now().nanoseconds, time.monotonic_ns()
-
-
-def _served_later(request: Any, response: Any) -> Any:
-    """Placeholder for a callback, until `Later` serves the service."""
-    raise NotImplementedError
 
 
 def main() -> None:
