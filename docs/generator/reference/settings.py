@@ -7,6 +7,7 @@ from dataclasses import fields
 from typing import Any
 
 from irsbot_kinematics import robots
+from irsbot_msgs_py.process.priority import MEANING, PARAMETER, PRIORITY
 from irsbot_supervisor.configuration.loading import read_settings
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.nodes import recorder, supervisor
@@ -45,6 +46,7 @@ def _parameters() -> str:
         for entry in fields(Simulation)
     ]
     simulated.append((code("fault"), "the scenario's", "", "what goes wrong on the way to the consumer", "yes"))
+    simulated.append((code(PARAMETER), value(PRIORITY), "", MEANING, "no"))
     recorded = [
         (code(name), value(default), "..".join(f"{end:g}" for end in limits or ()), text)
         for name, (default, text, limits) in recorder.PARAMETERS.items()

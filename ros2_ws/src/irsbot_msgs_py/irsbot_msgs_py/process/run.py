@@ -1,7 +1,8 @@
 """Runs the process of a node: start, spin, clean stop, exit code. rclpy is imported only when a node runs.
 
-A node may have `exit_code` (None while it wants to run on), `close()` (called once before it is destroyed), and, if
-several nodes share a process, `bystander` (True if the others go on without it).
+A node may have `exit_code` (None while it wants to run on), `close()` (called once before it is destroyed),
+`thread_priority` (for all threads of the process), and, if several nodes share a process, `bystander` (True if the
+others go on without it).
 """
 
 from __future__ import annotations
@@ -21,8 +22,11 @@ from typing import Any
 from irsbot_msgs_py.process.aside import NO_FILE, log_aside
 from irsbot_msgs_py.process.exit_deadline import exit_within
 from irsbot_msgs_py.process.fastdds import choose_transport
+from irsbot_msgs_py.process.priority import take_priority
+from irsbot_msgs_py.process.usage import USAGE as USAGE
+from irsbot_msgs_py.process.usage import UsageError as UsageError
 
-DONE, FAILED, USAGE = 0, 1, 2
+DONE, FAILED = 0, 1
 
 WAKE_S = 0.1
 """s: longest time until a signal or an exit code is noticed: neither interrupts the wait for messages."""
@@ -40,10 +44,6 @@ Example: --ros-args -p robot:=five_bar -r __ns:=/left"""
 
 ENDS = signal.SIGINT, signal.SIGTERM
 """Exceptions that end a node."""
-
-
-class UsageError(Exception):
-    """The node cannot start as requested: exit code 2 and this sentence."""
 
 
 def run(
@@ -174,10 +174,14 @@ def _spin(node: Any, stop: list[int]) -> int:
     executor = EventsExecutor()
     executor.add_node(node)
     exit_code: int | None = None
+    wanted = getattr(node, "thread_priority", 0)
     while not stop and exit_code is None and rclpy.ok():
         with _reported(node):
             executor.spin_until_future_complete(Future(), timeout_sec=WAKE_S)
         exit_code = getattr(node, "exit_code", None)
+        if wanted and (refused := take_priority(wanted)):  # now that the executor, too, has its threads
+            node.get_logger().warning(refused)
+        wanted = 0
     if hasattr(node, "close"):
         exit_code = exit_code or FAILED
         with _reported(node):

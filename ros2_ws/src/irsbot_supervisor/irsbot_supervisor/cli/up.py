@@ -11,6 +11,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
+from irsbot_msgs_py.process.priority import PARAMETER
 from irsbot_msgs_py.process.run import USAGE
 from irsbot_supervisor.cli.common import Failed, err, existing, out, refuse
 from irsbot_supervisor.cli.run_folder import BAG, LISTENERS, LOGS, end_in_order_when_told_to, prepare
@@ -141,7 +142,7 @@ def _parameters(namespace: str) -> dict[str, list[str]]:
         "supervisor": (*supervisor.PARAMETERS, *(entry.name for entry in fields(Settings))),
         "live_page": ("host", "port"),
         "foxglove": ("host", "port"),
-        "simulated_joints": ("fault", *(entry.name for entry in fields(Simulation))),
+        "simulated_joints": ("fault", PARAMETER, *(entry.name for entry in fields(Simulation))),
     }
     return {f"{namespace}/{node}": list(names) for node, names in found.items()}
 

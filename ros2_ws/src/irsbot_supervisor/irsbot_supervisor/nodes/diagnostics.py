@@ -14,6 +14,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from irsbot_kinematics import Coordinate
+from irsbot_msgs_py.process.priority import priority_now
 from irsbot_msgs_py.records import Cause, Level, SingularityState, Verdict
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.core.supervisor import Supervisor
@@ -142,6 +143,7 @@ class DiagnosticsPublisher:
             found["joint states"]["age on arrival [s]"] = state.sample_age
             found["joint states"]["since arrival [s]"] = (now_ns - state.seen_ns) / NS_PER_S
             found["supervisor"]["time to judge [s]"] = state.compute_time
+        found["supervisor"]["real-time priority"] = priority_now()
         found["supervisor"]["longest time to judge [s]"] = self._judging.longest_s
         found["supervisor"]["judged late"] = self._judging.late
         return found

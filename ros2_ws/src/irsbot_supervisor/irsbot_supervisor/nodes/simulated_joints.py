@@ -21,6 +21,7 @@ from trajectory_msgs.msg import JointTrajectory
 from irsbot_kinematics import KinematicsError
 from irsbot_msgs_py.cdr import decode_verdict, encode_joint_state
 from irsbot_msgs_py.errors import CdrError
+from irsbot_msgs_py.process.priority import MEANING, PARAMETER, PRIORITY, checked_priority
 from irsbot_msgs_py.process.run import FAILED, run
 from irsbot_msgs_py.records import JointSample, Level
 from irsbot_msgs_py.stamps import NS_PER_S
@@ -36,6 +37,8 @@ from irsbot_supervisor.trajectory.joint_path import BadTrajectory, Command
 
 JOINT_STATES = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 LAST_VERDICT = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+READ_ONLY = ParameterDescriptor(description=MEANING, read_only=True)
 
 TOO_LATE_NS = 50_000_000
 """ns: after a stall of the process, samples later than this are not sent any more; the robot has moved."""
@@ -58,6 +61,7 @@ class SimulatedJointsNode(Node):
     def __init__(self) -> None:
         super().__init__("simulated_joints")
         self.exit_code: int | None = None
+        self.thread_priority = checked_priority(self.declare_parameter(PARAMETER, PRIORITY, READ_ONLY).value)
         self._simulation, self._robot = declare_simulation(self)
         self._machine, scenario = build(self._simulation, self._robot)
         self._stop_response = StopResponse(self._simulation.verdict_timeout_s, self._simulation.gated)

@@ -18,6 +18,7 @@ from std_msgs.msg import String
 
 from irsbot_kinematics import KinematicsError
 from irsbot_msgs_py.cdr import encode_state, encode_verdict
+from irsbot_msgs_py.process.priority import MEANING, PARAMETER, PRIORITY, checked_priority
 from irsbot_msgs_py.process.run import run
 from irsbot_msgs_py.records import Bypass, JointSample, Reset, Restart, Tick, Verdict
 from irsbot_supervisor.bag.journal import Entry, configured, write_entry
@@ -52,6 +53,7 @@ PARAMETERS = {
     "frame_prefix": ("", "before the names of frames on /tf, as robot_state_publisher has it"),
     "lock_settings": (False, "settings are read-only from the first activation on"),
     "start_latched": (False, "started again after an end: level UNKNOWN until a reset"),
+    PARAMETER: (PRIORITY, MEANING),
 }
 """Parameters that are not settings, with default and description."""
 
@@ -84,10 +86,11 @@ class SupervisorNode(LifecycleNode):
     def __init__(self) -> None:
         super().__init__("supervisor")
         answer_every_request(self)
-        autostart, self._frame, prefix, self._lock, self._restarted = (
+        autostart, self._frame, prefix, self._lock, self._restarted, priority = (
             self.declare_parameter(name, default, ParameterDescriptor(description=text, read_only=True)).value
             for name, (default, text) in PARAMETERS.items()
         )
+        self.thread_priority = checked_priority(priority)
         settings, self._robot = declare_settings(self)
         self._supervisor = Supervisor(settings, self._robot)
         self._later = Later(self, self._fail)

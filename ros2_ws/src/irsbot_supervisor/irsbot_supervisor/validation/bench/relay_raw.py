@@ -7,12 +7,15 @@ import sys
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
+from irsbot_msgs_py.process.priority import PRIORITY
 from irsbot_msgs_py.process.run import run
 from irsbot_supervisor.nodes.supervisor import STREAM
 
 
 class RawRelay(Node):  # type: ignore[misc]
     """Publishes `joint_states` as `relayed`, byte for byte."""
+
+    thread_priority = PRIORITY  # as the supervisor has it: equal for all nodes of the chain
 
     def __init__(self) -> None:
         super().__init__("relay")

@@ -8,6 +8,7 @@ import rclpy
 from rclpy.executors import ExternalShutdownException
 from sensor_msgs.msg import JointState
 
+from irsbot_msgs_py.process.priority import PRIORITY, take_priority
 from irsbot_supervisor.nodes.supervisor import STREAM
 
 
@@ -17,6 +18,7 @@ def main() -> None:
     node = rclpy.create_node("relay")
     outlet = node.create_publisher(JointState, "relayed", STREAM)
     node.create_subscription(JointState, "joint_states", outlet.publish, STREAM)
+    take_priority(PRIORITY)
     with contextlib.suppress(KeyboardInterrupt, ExternalShutdownException):
         rclpy.spin(node)
     node.destroy_node()

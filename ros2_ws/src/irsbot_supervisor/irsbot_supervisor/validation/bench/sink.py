@@ -12,6 +12,7 @@ from irsbot_msgs.msg import SingularityState
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
+from irsbot_msgs_py.process.priority import PRIORITY
 from irsbot_msgs_py.process.run import run
 from irsbot_msgs_py.stamps import nanoseconds
 from irsbot_supervisor.nodes.supervisor import STREAM
@@ -23,6 +24,8 @@ STAMP = Struct("<4xiI")
 
 class Sink(Node):  # type: ignore[misc]
     """Parameters: topic; type, a key of TYPES; times, a file as `source` writes it, there from the first message on."""
+
+    thread_priority = PRIORITY  # as the supervisor has it: equal for all nodes of the chain
 
     def __init__(self) -> None:
         super().__init__("sink")

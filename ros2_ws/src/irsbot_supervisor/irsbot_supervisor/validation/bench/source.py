@@ -10,6 +10,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from irsbot_msgs_py.cdr import encode_joint_state
+from irsbot_msgs_py.process.priority import PRIORITY
 from irsbot_msgs_py.process.run import FAILED, run
 from irsbot_msgs_py.records import JointSample
 from irsbot_supervisor.configuration.loading import read_settings
@@ -20,6 +21,8 @@ from irsbot_supervisor.validation.bench.motion import RATE_HZ, machine_of
 
 class Source(Node):  # type: ignore[misc]
     """Parameters: robot; times, the file that gets pairs of stamp and steady clock, ns, as 64-bit integers."""
+
+    thread_priority = PRIORITY  # as the supervisor has it: equal for all nodes of the chain
 
     def __init__(self) -> None:
         super().__init__("source")

@@ -1,0 +1,44 @@
+"""Real-time priority of the threads of a node, as controller_manager has it: other programs of the machine do not delay
+its messages."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from irsbot_msgs_py.process.usage import UsageError
+
+PRIORITY = 49
+"""SCHED_FIFO, 1..99; just below the 50 that controller_manager takes, so that the control loop never waits."""
+
+PARAMETER = "thread_priority"
+MEANING = "real-time priority of all threads of the node (SCHED_FIFO, 1..99), if it is permitted; 0: none"
+"""Of the parameter of a node."""
+
+NO_PRIORITY = "no real-time priority ({}): messages may be late on a busy machine, docs/how_to/real_time.md"
+
+
+def checked_priority(priority: int) -> int:
+    """The same. Raises UsageError for a number that is no priority."""
+    if not 0 <= priority <= 99:
+        raise UsageError(f"{PARAMETER} must be 0 or 1..99, got {priority}")
+    return priority
+
+
+def take_priority(priority: int) -> str:
+    """Give every thread of this process a real-time priority; 0 changes nothing. Threads and processes that these start
+    later have none. Returns why it was refused, or nothing."""
+    if priority == 0:
+        return ""
+    try:
+        for thread in Path("/proc/self/task").iterdir():
+            policy = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
+            os.sched_setscheduler(int(thread.name), policy, os.sched_param(priority))
+    except (OSError, AttributeError) as error:  # not permitted, or not Linux
+        return NO_PRIORITY.format(getattr(error, "strerror", None) or error)
+    return ""
+
+
+def priority_now() -> int:
+    """The real-time priority of this thread; 0: none."""
+    return os.sched_getparam(0).sched_priority
