@@ -22,9 +22,13 @@ class ReachableBox:
         self._limits = tuple(
             zip(settings.acceleration_limit, settings.velocity_limit, settings.deceleration_limit, strict=True)
         )
-        half = position_error(settings)
-        self.errors: Floats = tuple([half + settings.stamp_jitter_s * v for v in settings.velocity_limit])
-        """rad or m: error of a joint position at the time of its stamp."""
+        self._error, self._jitter_s = position_error(settings), settings.stamp_jitter_s
+        self.errors = self.errors_at(settings.velocity_limit)
+        """rad or m: largest error of a joint position at the time of its stamp."""
+
+    def errors_at(self, rates: Floats) -> Floats:
+        """rad or m: the same of joints at these rates, rad/s or m/s."""
+        return tuple([self._error + self._jitter_s * abs(rate) for rate in rates])
 
     def until_rest(self, speeds: Speeds, free_s: float) -> tuple[list[float], list[float]]:
         """rad or m forward and backward until the joints stand, if the brakes act after `free_s`."""

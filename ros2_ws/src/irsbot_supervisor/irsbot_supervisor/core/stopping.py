@@ -131,8 +131,9 @@ class StoppingPredictor:
         """Certified smallest margins until standstill if every joint keeps its rate (rad/s or m/s) for
         `prediction_delay_s` and the latency, and then brakes. Other behaviour of the drives is not covered."""
         forward, backward = self._box.until_rest_from(rates, prediction_delay_s + self._latency)
+        errors = self._box.errors_at(rates)
         low, high = list(map(sub, at.joints, backward)), list(map(add, at.joints, forward))
-        low, high = list(map(sub, low, self._box.errors)), list(map(add, high, self._box.errors))
+        low, high = list(map(sub, low, errors)), list(map(add, high, errors))
         return self._bounds.least(at, tuple(low), tuple(high), wanted, self._cuts)
 
     def travel(self, speeds: Speeds, prediction_delay_s: float) -> tuple[list[float], list[float]]:

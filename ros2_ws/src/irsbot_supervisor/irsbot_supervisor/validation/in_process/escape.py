@@ -49,6 +49,8 @@ REST_BEATS = 16
 """Number of heartbeats in which dwell times pass and a slow robot comes to rest."""
 ESCAPE_BEATS = 1500
 """Number of heartbeats in which a robot at recovery speed has crossed any margin."""
+ONWARD_BEATS = 50
+"""Number of heartbeats for which a robot is moved on after a reset that was refused."""
 CLEAR_SLOPE = 0.02
 """1/rad or 1/m: directions in which a margin changes less than this count as neither away nor towards."""
 PROBE = 1e-5
@@ -168,14 +170,15 @@ def _lead_out(stopped: Stopped, tally: Tally) -> str:
         here = np.array([guided.drives.now.position])
         return bool((margins_along(robot, settings, here, at)[0, kinds] >= enough).all())
 
-    beats = 0
-    while beats < ESCAPE_BEATS and not is_out():
-        guided.beat(rates)
-        at = _followed(guided, at)
-        beats += 1
-    for _ in range(REST_BEATS):
-        guided.beat((0.0,) * len(rates))
-    refusal = guided.reset()
+    beats, farther, refusal = 0, 0, "not requested"
+    while refusal and beats < ESCAPE_BEATS:  # a robot that could not be stopped if it were let go is moved on
+        while beats < ESCAPE_BEATS and (beats < farther or not is_out()):
+            guided.beat(rates)
+            at = _followed(guided, at)
+            beats += 1
+        for _ in range(REST_BEATS):
+            guided.beat((0.0,) * len(rates))
+        refusal, farther = guided.reset(), beats + ONWARD_BEATS
     for _ in range(REST_BEATS):
         guided.drift()
     out = not guided.now.latched and guided.now.level <= Level.WARN
