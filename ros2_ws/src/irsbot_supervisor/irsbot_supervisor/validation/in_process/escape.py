@@ -130,13 +130,15 @@ def _try_directions(stopped: Stopped, rng: np.random.Generator, tally: Tally) ->
         direction = rng.normal(size=len(start))
         direction /= np.abs(direction).max()
         tried = deepcopy(guided)
-        way = [start]
+        way, held = [start], [kinds]
         for _beat in range(TRIED_BEATS):
             tried.beat(tuple((speed * direction).tolist()))
             way.append(np.array(tried.drives.now.position))
-        found = margins_along(robot, settings, np.array(way), at)[:, kinds]
+            now = _kinds(tried)
+            held.append([kind for kind in held[-1] if kind in now])  # what is no cause any more may fall to its limit
+        found = margins_along(robot, settings, np.array(way), at)
+        lost = max([float((found[0, left] - now[left]).max()) for now, left in zip(found, held, strict=True) if left])
         slopes = _slopes(stopped, direction)[kinds]
-        lost = float((found[0] - found).max())
         tally.largest("most that was lost of a margin", lost)
         if not lost <= most:
             unsafe = unsafe or f"a margin fell by {lost:.4f} on the way out"
