@@ -37,13 +37,14 @@ def test_a_thousand_resets_at_once_end_one_stop_once_and_no_active_cause():
 
 
 def test_the_newest_wins_in_a_flood_and_memory_is_bounded(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(floods, "RATES_HZ", (20_000.0,))
+    rate_hz = 20_000.0
+    monkeypatch.setattr(floods, "RATES_HZ", (rate_hz,))
     row = floods.run(short(3))
     assert row.unsafe == 0
     growth = {name: value for name, value in row.figures.items() if "memory" in name}
     assert len(growth) == 3
     assert max(growth.values()) < floods.GROWTH_MB
-    assert row.figures["20000 Hz: judged [Hz]"] < 3500  # of a flood not every sample
+    assert row.figures["20000 Hz: judged [Hz]"] < 0.5 * rate_hz  # of a flood not every sample, on any machine
 
 
 def test_nodes_may_freeze_and_die(monkeypatch: pytest.MonkeyPatch):
