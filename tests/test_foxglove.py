@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -20,6 +19,7 @@ pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 pytest.importorskip("foxglove", reason="needs foxglove-sdk")
 
 from command import IRSBOT, PATIENCE_S, irsbot
+from ports import free_port
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from websockets.sync.client import ClientConnection, connect
 
@@ -40,12 +40,6 @@ MESSAGE = 1
 
 TOPICS = {"/supervisor/state", "/supervisor/verdict", "/supervisor/markers", "/diagnostics"}
 LAYOUT = Path(__file__).parents[1] / "ros2_ws/src/irsbot_supervisor/layouts/foxglove.json"
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("localhost", 0))
-        return int(probe.getsockname()[1])
 
 
 class Served:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -15,6 +14,7 @@ pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
 from browser import PROGRAM, Browser
 from command import PATIENCE_S
+from ports import free_port
 
 from irsbot_supervisor.processes.operating import Operator
 from irsbot_supervisor.processes.suite import JOINTS, SUPERVISOR, Node, Suite, free_domain
@@ -34,7 +34,7 @@ class Page:
 
     def __init__(self, domain: int) -> None:
         self._command = [sys.executable, "-m", "irsbot_supervisor", "monitor", "--web", "--domain", str(domain)]
-        self.port = _free_port()  # the same when the page is served again
+        self.port = free_port()  # the same when the page is served again
 
     def serve(self) -> None:
         """Start, and wait until it answers."""
@@ -48,12 +48,6 @@ class Page:
         self.process.send_signal(how)
         self.process.communicate(timeout=PATIENCE_S)
         return self.process.returncode
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("localhost", 0))
-        return int(probe.getsockname()[1])
 
 
 @pytest.fixture(scope="module")

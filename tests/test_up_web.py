@@ -15,6 +15,7 @@ pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
 from browser import PROGRAM, Browser
 from command import IRSBOT, PATIENCE_S
+from ports import free_port
 
 import irsbot_kinematics as irs
 from irsbot_supervisor.configuration.loading import read_settings
@@ -47,9 +48,7 @@ class Up:
         self.domain, self._folder, self._runs = free_domain(), folder, 0
         self._slow = folder / "slow.yaml"
         self._slow.write_text(SLOW)
-        with socket.socket() as probe:
-            probe.bind(("localhost", 0))
-            self.port = int(probe.getsockname()[1])
+        self.port = free_port()
 
     def start(self) -> None:
         self._runs += 1

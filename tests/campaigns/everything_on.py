@@ -15,7 +15,6 @@ import contextlib
 import json
 import math
 import shutil
-import socket
 import subprocess
 import sys
 import threading
@@ -32,11 +31,11 @@ from websockets.sync.client import connect
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "ros2_ws/src/irsbot_supervisor/test/helpers"))
 
 from browser import PROGRAM, Browser
+from ports import free_port
 
-from irsbot_msgs_py.cdr import decode_state
+from irsbot_msgs_py.records import JointSample, SingularityState
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.bag.bag import Bag
-from irsbot_supervisor.bag.topics import JOINT_STATE, STATE
 from irsbot_supervisor.cli.run_folder import BAG
 from irsbot_supervisor.processes.suite import free_domain
 from irsbot_supervisor.validation.with_nodes.soak import GROWTH_MB
@@ -96,13 +95,6 @@ def main() -> int:
     return 1 if grown or judged.unjudged or judged.unsent else 0
 
 
-def free_port() -> int:
-    """A port of this machine that nobody uses."""
-    with socket.socket() as probe:
-        probe.bind(("localhost", 0))
-        return int(probe.getsockname()[1])
-
-
 def end(suite: subprocess.Popen[bytes]) -> None:
     """End the suite in order. A job in the background of a shell ignores SIGINT, and so do its children."""
     suite.terminate()
@@ -120,7 +112,7 @@ def channels(suite: subprocess.Popen[bytes], port: int) -> Iterator[list[int]]:
         except OSError:
             if time.monotonic() > deadline or suite.poll() is not None:
                 sys.exit("the server for Foxglove did not start")
-            time.sleep(0.1)
+            time.sleep(0.1)  # nothing says that a port opens
     received = [0]
 
     def receive() -> None:
@@ -161,14 +153,14 @@ def watch(suite: subprocess.Popen[bytes], seconds: float) -> tuple[dict[str, lis
     before = {name: sum(node.cpu_times()[:2]) for name, node in nodes.items()}
     begin_s, warm_s = time.monotonic(), min(WARM_UP_S, 0.25 * seconds)
     while (now_s := time.monotonic() - begin_s) < seconds:
-        if suite.poll() is not None:
-            sys.exit(f"up ended after {now_s:.0f} s")
         if now_s >= warm_s:
             for name, node in nodes.items():
                 memory[name].append(node.memory_info().rss * 1e-6)
         if sys.stderr.isatty():
             print(f"\r{now_s:.0f} of {seconds:.0f} s", end="", file=sys.stderr)
-        time.sleep(1.0)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            suite.wait(1.0)
+            sys.exit(f"up ended after {now_s:.0f} s")
     return memory, {name: sum(node.cpu_times()[:2]) - before[name] for name, node in nodes.items()}
 
 
@@ -195,13 +187,11 @@ def judgement(bag: Path) -> Judged:
     sent: set[int] = set()
     judged: dict[int, float] = {}
     with Bag(bag) as run:
-        for message in run.messages():
-            if message.type == STATE:
-                state = decode_state(message.data)
-                judged[state.stamp_ns] = 1e3 * (state.sample_age + state.compute_time)
-            elif message.type == JOINT_STATE:
-                stamp = message.data[4:12]
-                sent.add(int.from_bytes(stamp[:4], "little") * NS_PER_S + int.from_bytes(stamp[4:], "little"))
+        for entry in run.records():
+            if isinstance(entry.record, SingularityState):
+                judged[entry.record.stamp_ns] = 1e3 * (entry.record.sample_age + entry.record.compute_time)
+            elif isinstance(entry.record, JointSample):
+                sent.add(entry.record.stamp_ns)
     first, last = min(judged), max(judged)
     between = sorted(stamp for stamp in sent if first <= stamp <= last)
     periods = np.round(np.diff(between) / (PERIOD_S * NS_PER_S))

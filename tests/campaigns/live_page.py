@@ -21,6 +21,7 @@ import psutil
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "ros2_ws/src/irsbot_supervisor/test/helpers"))
 
 from browser import PROGRAM, Browser
+from ports import free_port
 
 from irsbot_supervisor.processes.suite import LIVE_PAGE, free_domain
 
@@ -43,9 +44,7 @@ def main() -> None:
     stated = given.parse_args()
     if PROGRAM is None:
         sys.exit("needs Chromium: apt install chromium")
-    with socket.socket() as probe:
-        probe.bind(("localhost", 0))
-        port = int(probe.getsockname()[1])
+    port = free_port()
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "irsbot_supervisor", "up", "--web", "--web-port", str(port)]
         command += ["--domain", str(free_domain()), "--robot", stated.robot, "--out", f"{folder}/run"]
