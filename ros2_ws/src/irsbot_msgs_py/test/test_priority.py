@@ -15,7 +15,7 @@ from irsbot_msgs_py.process.usage import UsageError
 
 PROGRAM = """
 import json, os, subprocess, sys
-from threading import Event, Thread, get_native_id
+from threading import Event, Thread
 from irsbot_msgs_py.process.priority import priority_now, take_priority
 
 def told():

@@ -19,7 +19,7 @@ NO_PRIORITY = "no real-time priority ({}): messages may be late on a busy machin
 
 
 def checked_priority(priority: int) -> int:
-    """The same. Raises UsageError for a number that is no priority."""
+    """A priority as it was given. Raises UsageError for a number that is no priority."""
     if not 0 <= priority <= 99:
         raise UsageError(f"{PARAMETER} must be 0 or 1..99, got {priority}")
     return priority

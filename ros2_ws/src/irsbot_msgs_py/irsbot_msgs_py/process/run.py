@@ -23,8 +23,7 @@ from irsbot_msgs_py.process.aside import NO_FILE, log_aside
 from irsbot_msgs_py.process.exit_deadline import exit_within
 from irsbot_msgs_py.process.fastdds import choose_transport
 from irsbot_msgs_py.process.priority import take_priority
-from irsbot_msgs_py.process.usage import USAGE as USAGE
-from irsbot_msgs_py.process.usage import UsageError as UsageError
+from irsbot_msgs_py.process.usage import USAGE, UsageError
 
 DONE, FAILED = 0, 1
 
@@ -174,14 +173,14 @@ def _spin(node: Any, stop: list[int]) -> int:
     executor = EventsExecutor()
     executor.add_node(node)
     exit_code: int | None = None
-    wanted = getattr(node, "thread_priority", 0)
+    priority = getattr(node, "thread_priority", 0)
     while not stop and exit_code is None and rclpy.ok():
         with _reported(node):
             executor.spin_until_future_complete(Future(), timeout_sec=WAKE_S)
         exit_code = getattr(node, "exit_code", None)
-        if wanted and (refused := take_priority(wanted)):  # now that the executor, too, has its threads
+        if refused := take_priority(priority):  # now that the executor, too, has its threads
             node.get_logger().warning(refused)
-        wanted = 0
+        priority = 0
     if hasattr(node, "close"):
         exit_code = exit_code or FAILED
         with _reported(node):

@@ -9,7 +9,7 @@ import sys
 from importlib import import_module
 from typing import NoReturn
 
-USAGE = 2
+from irsbot_msgs_py.process.usage import USAGE
 
 
 def start(module: str) -> NoReturn:

@@ -12,7 +12,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from irsbot_msgs_py.process.priority import PARAMETER
-from irsbot_msgs_py.process.run import USAGE
+from irsbot_msgs_py.process.usage import USAGE
 from irsbot_supervisor.cli.common import Failed, err, existing, out, refuse
 from irsbot_supervisor.cli.run_folder import BAG, LISTENERS, LOGS, end_in_order_when_told_to, prepare
 from irsbot_supervisor.cli.web import (

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from rclpy.node import Node
 
-from irsbot_msgs_py.process.run import USAGE
+from irsbot_msgs_py.process.usage import USAGE
 
 Run = Callable[[str, int, Callable[[str], None]], None]
 """Serves at a host and a port until Ctrl-C, and tells its address once it answers. Raises OSError."""

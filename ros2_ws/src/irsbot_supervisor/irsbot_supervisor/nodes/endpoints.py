@@ -17,7 +17,7 @@ from rclpy.qos import InvalidQoSProfileException, QoSProfile
 from rclpy.qos_overriding_options import InvalidQosOverridesError, QoSOverridingOptions
 from rclpy.subscription import Subscription
 
-from irsbot_msgs_py.process.run import UsageError
+from irsbot_msgs_py.process.usage import UsageError
 
 DEFAULT = QoSOverridingOptions.with_default_policies()
 """History, depth and reliability."""

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from irsbot_msgs_py.process.run import USAGE
+from irsbot_msgs_py.process.usage import USAGE
 
 TOPICS = ("joint_states", "command_in", "velocity_in", "command_out", "velocity_out")
 """Topics whose names can be set, for instance to those of ros2_control controllers."""

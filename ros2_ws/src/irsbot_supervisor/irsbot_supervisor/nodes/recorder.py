@@ -23,7 +23,8 @@ from irsbot_msgs_py.cdr import decode_string
 from irsbot_msgs_py.convert import health_msg
 from irsbot_msgs_py.errors import CdrError
 from irsbot_msgs_py.health import RecorderHealth, RecorderState
-from irsbot_msgs_py.process.run import FAILED, UsageError, run
+from irsbot_msgs_py.process.run import FAILED, run
+from irsbot_msgs_py.process.usage import UsageError
 from irsbot_supervisor.bag.bag_writer import BagWriter
 from irsbot_supervisor.bag.blackbox import BlackBox, Kept, StopWatch
 from irsbot_supervisor.bag.errors import BagError

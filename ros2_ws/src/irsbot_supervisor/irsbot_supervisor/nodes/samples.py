@@ -15,6 +15,7 @@ from irsbot_msgs_py.errors import CdrError
 from irsbot_msgs_py.records import JointSample
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.nodes.allowance import Allowance
+from irsbot_supervisor.nodes.clocks import both_clocks
 from irsbot_supervisor.nodes.endpoints import subscription
 
 SHARE = 0.5
@@ -45,7 +46,7 @@ class Samples:
 
     def __init__(self, node: Node, qos: QoSProfile, judge: Callable[[JointSample], object]) -> None:
         self.skipped = 0
-        self._clock, self._log = node.get_clock(), node.get_logger()
+        self._node, self._log = node, node.get_logger()
         self._judge, self._depth = judge, qos.depth
         self._time = Allowance(SHARE, BURST_S, time.monotonic_ns())  # s, for judging
         self._held = b""  # the newest sample that has not been judged
@@ -98,7 +99,7 @@ class Samples:
         return newest
 
     def _decoded(self, data: bytes) -> JointSample:
-        received_ns, seen_ns = self._clock.now().nanoseconds, time.monotonic_ns()
+        received_ns, seen_ns = both_clocks(self._node)
         try:
             if len(data) > MOST_BYTES:
                 raise CdrError(f"{len(data)} bytes, at most {MOST_BYTES} are read")

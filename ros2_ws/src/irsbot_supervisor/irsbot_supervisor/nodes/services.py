@@ -30,7 +30,7 @@ SAID_S = 1.0
 
 
 class Services:
-    """Answers from the core while `active`, which it is not in the beginning; else refuses."""
+    """Answers from the core while the supervisor is active; else refuses."""
 
     def __init__(
         self,
@@ -38,13 +38,13 @@ class Services:
         supervisor: Supervisor,
         later: Later,
         callers: Callers,
+        is_active: Callable[[], bool],
         take: Callable[[Reset | Bypass], Step | None],
         fail: Callable[[Exception], None],
     ) -> None:
         """take: records an operator's wish in the journal, then has it judged; None after an error."""
-        self.active = False
         self._node, self._supervisor, self._callers = node, supervisor, callers
-        self._take, self._fail = take, fail
+        self._is_active, self._take, self._fail = is_active, take, fail
         self._said_s = 0.0  # when a refused wish was logged last, steady clock
         node.create_service(ResetStop, "~/reset", self._on_reset, qos_profile=REQUESTS)
         node.create_service(BypassStop, "~/bypass", self._on_bypass, qos_profile=REQUESTS)
@@ -66,7 +66,7 @@ class Services:
 
     def _answer(self, kind: type[Reset | Bypass], given: tuple[Any, ...], what: str, service: str) -> tuple[bool, str]:
         """Have an operator's wish judged. Returns whether it was accepted, and the reason if not."""
-        if not self.active:
+        if not self._is_active():
             return False, INACTIVE
         step = self._take(kind(*both_clocks(self._node), *given))
         accepted = step is not None and not step.refusal
@@ -83,7 +83,7 @@ class Services:
         """Check a planned motion while the robot stands: a moving robot has left the start of the motion when the
         answer comes."""
         supervisor = self._supervisor
-        if not self.active:
+        if not self._is_active():
             return refused(response, INACTIVE)
         if not supervisor.standing:
             return refused(response, "the robot is moving, or its state is not known: ask while it stands")

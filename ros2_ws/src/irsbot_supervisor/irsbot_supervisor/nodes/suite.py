@@ -14,7 +14,8 @@ from rclpy.utilities import remove_ros_args
 
 from irsbot_kinematics import KinematicsError
 from irsbot_kinematics.nodes.kinematics import KinematicsNode
-from irsbot_msgs_py.process.run import USAGE, run_together
+from irsbot_msgs_py.process.run import run_together
+from irsbot_msgs_py.process.usage import USAGE
 from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.core.settings import InvalidSettings
 from irsbot_supervisor.nodes.recorder import RecorderNode

@@ -122,7 +122,7 @@ class SupervisorNode(LifecycleNode):
         self._gate = CommandGate(self, settings, self._robot, self._supervisor, self._fail)
         action = action_type()
         self._follow = FollowServer(self, action, self._gate, self._supervisor) if action else None
-        self._requests = Services(self, self._supervisor, self._later, self._callers, self._take, self._fail)
+        Services(self, self._supervisor, self._later, self._callers, lambda: self._active, self._take, self._fail)
         read_as_declared(self)
         if autostart:
             self.trigger_configure()
@@ -150,7 +150,6 @@ class SupervisorNode(LifecycleNode):
         self._speech = [self._states, self._verdicts, self._journal]
         self._start_heart(self._settings)
         self._active, self._changing.locked = True, self._lock
-        self._requests.active = True
         self._bond.form()
         self._configure(self._settings)
         if self._restarted:
@@ -196,7 +195,7 @@ class SupervisorNode(LifecycleNode):
 
     def _fall_silent(self) -> None:
         """Stop publishing. A heartbeat may still come before the executor notices; it finds the node inactive."""
-        self._active = self._requests.active = False
+        self._active = False
         self._bond.end()
         self._stop_heart()
         self._samples.close()
