@@ -61,7 +61,8 @@ import sys
 from mypyc.build import mypycify
 from setuptools import setup
 name, *files = sys.argv[1:]
-extensions = mypycify(["--config-file", "mypy.ini", *files], opt_level="1", debug_level="0", group_name=name)
+options = ["--config-file", "mypy.ini", f"--cache-dir=cache_{name}"]  # a cache that is shared may be locked
+extensions = mypycify([*options, *files], opt_level="1", debug_level="0", group_name=name)
 for extension in extensions:
     extension.extra_compile_args += ["-ffp-contract=off"]  # a fused product has other bits
 sys.argv = ["setup.py", "--quiet", "build_ext", "--build-lib", "out", "--build-temp", f"objects_{name}"]

@@ -146,7 +146,7 @@ def test_a_robot_that_is_rushed_past_the_gate_is_stopped_and_reset_when_it_was_l
     for _ in range(10):
         robot.drift()
     assert robot.now.latched
-    escape = robot.now.escape.direction
+    escape = robot.way_out
     for _ in range(150):
         robot.beat(tuple(12.0 * share for share in escape))
     for _ in range(10):

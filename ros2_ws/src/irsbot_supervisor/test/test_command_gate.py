@@ -264,7 +264,7 @@ def test_commands_before_an_activation_do_not_count_in_it(monkeypatch: pytest.Mo
     supervisor = stopped()
     set_clock(monkeypatch, lambda: supervisor.view.seen_ns)
     opened = Opened(supervisor)
-    away = tuple(0.2 * share for share in supervisor.view.judgement.escape.direction)
+    away = tuple(0.2 * share for share in supervisor.escape.direction)
     assert any(opened.rates(*away))
     opened.gate.close()
     begin = tuple(q - 0.1 for q in joints_of(supervisor, 0.0, -0.85))

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from supervised import MS, settings_of
 
 from irsbot_msgs_py.records import Cause, Finding, Level
-from irsbot_supervisor.core.escape import NO_ESCAPE, Escape
 from irsbot_supervisor.core.latch import Judgement, Latch
 
 DWELL_MS = 50
@@ -28,7 +27,6 @@ def finding(level: Level, cause: Cause = Cause.TYPE2, value: float = 0.1) -> Fin
 
 WARN, STOP = finding(Level.WARN), finding(Level.STOP)
 UNKNOWN, LOST = finding(Level.UNKNOWN, Cause.NONFINITE), finding(Level.UNKNOWN, Cause.BRANCH)
-OUT = Escape((0.6, -0.8), Cause.TYPE2)
 
 
 def at(held: Latch, ms: float, *findings: Finding) -> Judgement:
@@ -175,16 +173,6 @@ def test_a_stop_within_a_stop_is_the_same_event_and_a_stop_after_a_reset_the_nex
     assert at(held, 502, STOP).event == 2
 
 
-def test_the_escape_direction_is_that_of_the_stop_and_goes_with_it():
-    held = latch()
-    held.update([STOP], 10 * MS, OUT)
-    assert held.now.escape == OUT
-    held.update([finding(Level.STOP, Cause.TYPE1)], 11 * MS, Escape((1.0, 0.0), Cause.TYPE1))
-    assert held.now.escape == OUT
-    held.reset(1, 12 * MS, True, [])
-    assert held.now.escape == NO_ESCAPE
-
-
 def test_settings_that_change_clear_nothing():
     held = latch()
     at(held, 10, STOP, UNKNOWN)
@@ -301,14 +289,13 @@ def test_a_branch_that_is_lost_within_a_stop_is_another_event_which_the_old_numb
     assert held.now.level == Level.OK
 
 
-def test_a_branch_that_is_confirmed_where_the_robot_must_not_stay_leaves_a_stop_with_a_way_out():
+def test_a_branch_that_is_confirmed_where_the_robot_must_not_stay_leaves_a_stop():
     held = latch()
     at(held, 10, LOST, STOP)
     assert (held.now.event, held.now.level) == (1, Level.UNKNOWN)
-    refusal = held.reset(1, 300 * MS, True, [STOP], OUT)
+    refusal = held.reset(1, 300 * MS, True, [STOP])
     assert "confirmed" in refusal
     assert (held.now.event, held.now.level, held.now.latched) == (2, Level.STOP, True)
-    assert held.now.escape == OUT
     assert held.reset(2, 301 * MS, True, [STOP])
     assert held.reset(2, 400 * MS, True, []) == ""
 

@@ -123,14 +123,23 @@ def test_a_stop_lasts_until_the_fastest_joint_stands(limit, share):
     assert found == pytest.approx(free_s + last / limit["brake"])
 
 
-@given(limits, st.floats(-1.0, 1.0))
-def test_joints_that_keep_their_rates_go_on_for_the_free_time_and_brake(limit, share):
+@given(limits, st.floats(-1.0, 1.0), st.floats(0.0, 1.0), st.floats(0.0, 1.0), st.floats(1.0, 20.0))
+def test_joints_that_keep_their_rates_are_between_the_ends_of_each_part_of_their_path(
+    limit, share, first, braked, harder
+):
+    """They brake at any time of the part, at least as hard as configured; the hardly braking and the latest reach the
+    far end."""
     limit = dict(limit)
-    free_s, v = limit.pop("free_s"), share * limit["fastest"]
-    (ahead, _), (back, _) = ReachableBox(settings_with(**limit)).until_rest_from((v, 0.0), free_s)
-    zeros = np.zeros((500, 1))
-    way = driven(v, zeros, limit["brake"] + zeros, free_s=free_s, **limit)[-1, 0]
-    assert (ahead, back) == pytest.approx((max(way, 0.0), max(-way, 0.0)), rel=5e-3, abs=1e-6)
+    last_s, v = limit.pop("free_s"), share * limit["fastest"]
+    first_s = first * last_s
+    braked_s = first_s + braked * (last_s - first_s)
+    (low, _), (high, _) = ReachableBox(settings_with(**limit)).following((v, 0.0), first_s, last_s)
+    going = v * np.linspace(first_s, braked_s, 50)
+    stops = [going[-1] + v * abs(v) / (2.0 * k * limit["brake"]) for k in (1.0, harder)]
+    for met in (going, np.linspace(going[-1], stops[0], 50), np.linspace(going[-1], stops[1], 50)):
+        assert low - 1e-12 <= met.min() <= met.max() <= high + 1e-12
+    latest = v * last_s + v * abs(v) / (2.0 * limit["brake"])
+    assert sorted((v * first_s, latest)) == pytest.approx([low, high], abs=1e-12)
 
 
 def test_a_joint_that_is_beyond_its_limit_goes_on_as_it_is():

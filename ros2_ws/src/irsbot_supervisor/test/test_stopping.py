@@ -91,6 +91,28 @@ def test_no_margin_in_the_reachable_box_is_below_its_bound(name, ask, slack_m):
     assert told >= 2, "nothing is ever told: the fixture proves nothing"
 
 
+@every_robot
+def test_no_margin_on_a_path_with_constant_rates_is_below_its_bound(name):
+    """Whenever the drives brake, each at least as hard as configured."""
+    settings, robot = shipped(name)
+    rng, predictor, told = np.random.default_rng(9), StoppingPredictor(settings, robot.mechanism), 0
+    speed, brake = np.array(settings.velocity_limit), np.array(settings.deceleration_limit)
+    for at in postures(name, least=0.15):
+        rates = rng.uniform(-1.0, 1.0, len(speed)) * speed * rng.choice([0.02, 0.1, 0.5])
+        delay_s = float(rng.choice([0.0, 0.005, 0.02]))
+        certified = predictor.along(at, tuple(rates.tolist()), delay_s, limits_of(settings, "stop"))
+        told += min(certified) > 0.0
+        for braked_s in (delay_s + settings.latency_s) * np.array([0.0, rng.uniform(), 1.0]):
+            brakes = brake * rng.choice([1.0, 3.0], len(brake))
+            going = at.joints + rates * np.linspace(0.0, braked_s, 20)[:, None]
+            t = np.linspace(0.0, (np.abs(rates) / brakes).max(), 20)[:, None]
+            t = np.minimum(t, np.abs(rates) / brakes)
+            path = np.vstack((going, going[-1] + rates * t - 0.5 * np.sign(rates) * brakes * t * t))
+            least, there = margins_along(robot, settings, path, at).min(axis=0), np.isfinite(margins_of(at))
+            assert (np.array(certified)[there] <= least[there] + 1e-9).all(), f"{certified} where {least} is met"
+    assert told >= 2, "nothing is ever told: the fixture proves nothing"
+
+
 @pytest.mark.parametrize("name", supervised())
 def test_robots_in_good_postures_are_not_stopped_for_a_bound_alone(name):
     """At rest, 2 ms ahead: where all that is met is 1.5 times the warning limit, or 0.5."""

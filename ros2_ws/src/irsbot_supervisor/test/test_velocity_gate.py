@@ -220,7 +220,7 @@ def test_who_goes_on_commanding_while_the_robot_brakes_is_let_out_as_well(name):
             braking += 1
             guided.beat(rates)
         start = np.array(guided.drives.now.position)
-        away = tuple(limits * guided.now.escape.direction)
+        away = tuple(limits * guided.way_out)
         for _ in range(20):
             guided.beat(away)
         moved = (np.array(guided.drives.now.position) - start) @ np.array(away)
@@ -264,7 +264,7 @@ def test_a_stopped_robot_is_led_out_and_reset_to_ok(name):
     robot, settings = guided.supervisor.robot, guided.settings
     assert guided.reset() == "" or "still there" in guided.reset() or guided.now.level == Level.STOP
     if guided.now.latched:
-        escape = np.array(guided.now.escape.direction)
+        escape = np.array(guided.way_out)
         kinds, enough = causes(guided), 1.1 * np.array(limits_of(settings, "warn"))
         for _ in range(800):
             guided.beat(tuple(np.array(settings.velocity_limit) * escape))
@@ -285,7 +285,7 @@ def test_a_stopped_robot_is_led_out_and_reset_to_ok(name):
 def test_on_the_way_out_the_margin_does_not_decrease_again():
     guided = stopped("irsbot2", seed=3)
     robot, settings = guided.supervisor.robot, guided.settings
-    kinds, escape = causes(guided), np.array(guided.now.escape.direction)
+    kinds, escape = causes(guided), np.array(guided.way_out)
     speed = np.array(settings.velocity_limit)
     for _ in range(30):
         guided.beat(tuple(speed * escape))

@@ -9,7 +9,6 @@ from typing import NamedTuple
 from irsbot_msgs_py.records import Bypass, Cause, Finding, Level
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.core.bypass import InForce, in_force
-from irsbot_supervisor.core.escape import NO_ESCAPE, Escape
 from irsbot_supervisor.core.settings import Settings
 
 
@@ -23,7 +22,6 @@ class Judgement(NamedTuple):
     since_ns: int
     speed_scale: float
     findings: tuple[Finding, ...]
-    escape: Escape
     bypassed: int = 0  # the Cause bit that does not stop at present
 
 
@@ -34,10 +32,9 @@ class Latch:
         self.configure(settings)
         self._held: dict[tuple[int, Level], tuple[Finding, int]] = {}
         self._stopped_by: tuple[Finding, ...] = ()
-        self._escape = NO_ESCAPE
         self._bypass: InForce | None = None
         self._transitions: list[Judgement] = []
-        self.now = Judgement(Level.UNKNOWN, 0, False, 0, 0, 0.0, (), NO_ESCAPE)
+        self.now = Judgement(Level.UNKNOWN, 0, False, 0, 0, 0.0, ())
 
     def configure(self, settings: Settings) -> None:
         """Take in new times; findings and latches are kept."""
@@ -78,7 +75,7 @@ class Latch:
         """Give the next stop at least this number."""
         self.now = self.now._replace(event=max(self.now.event, event - 1))
 
-    def update(self, findings: list[Finding], at_ns: int, escape: Escape = NO_ESCAPE) -> bool:
+    def update(self, findings: list[Finding], at_ns: int) -> bool:
         """Take in the findings of a time (steady clock). True if the judgement changed."""
         if self._bypass is not None:
             findings = self._as_of(findings, at_ns)
@@ -93,7 +90,6 @@ class Latch:
             stops = () if self.lost else tuple(filter(_is_lost, stops))
         if stops:
             self._stopped_by += stops
-            self._escape = self._escape if self._escape.direction else escape
             self.now = self.now._replace(event=self.now.event + 1)
         return self._set(at_ns) or changed
 
@@ -112,10 +108,10 @@ class Latch:
                 changed = self._set(end_ns) or changed
         return changed
 
-    def reset(self, event: int, at_ns: int, standing: bool, active: list[Finding], escape: Escape = NO_ESCAPE) -> str:
+    def reset(self, event: int, at_ns: int, standing: bool, active: list[Finding]) -> str:
         """End the stop number `event`. Returns an empty text, or the reason for a refusal. active: findings once the
         branch is confirmed. If the branch is confirmed while the cause of a stop is active, the branch is known from
-        then on, and the stop becomes a new event with the way out `escape`."""
+        then on, and the stop becomes a new event."""
         if refusal := self.refused(event, standing):
             return refusal
         if unknown := self._unknown(active, at_ns):
@@ -123,7 +119,7 @@ class Latch:
         stops = tuple(finding for finding in active if finding.level == Level.STOP)
         if stops and not self.lost:
             return f"the cause is still there: {stops[0].text}"
-        self._stopped_by, self._escape = stops, escape
+        self._stopped_by = stops
         self._held = {key: entry for key, entry in self._held.items() if key[1] < Level.STOP}
         if stops:
             self.now = self.now._replace(event=self.now.event + 1)
@@ -154,7 +150,7 @@ class Latch:
         bypass, refusal = in_force(wish, active)
         if bypass is None:
             return refusal
-        self._bypass, self._stopped_by, self._escape = bypass, (), NO_ESCAPE
+        self._bypass, self._stopped_by = bypass, ()
         self._held = {key: entry for key, entry in self._held.items() if key[1] < Level.STOP}
         self.keep(active, wish.seen_ns)
         self._set(wish.seen_ns)
@@ -198,7 +194,7 @@ class Latch:
         if not self._held and not self._stopped_by:
             if before.level == Level.OK and not before.latched and before.bypassed == bypassed:
                 return False
-            self.now = Judgement(Level.OK, 0, False, before.event, at_ns, most, (), NO_ESCAPE, bypassed)
+            self.now = Judgement(Level.OK, 0, False, before.event, at_ns, most, (), bypassed)
             self._transitions.append(self.now)
             return True
         findings = tuple(finding for finding, _last in self._held.values())
@@ -218,7 +214,7 @@ class Latch:
         same = (before.level, before.causes, before.latched, before.bypassed) == (level, causes, latched, bypassed)
         since = before.since_ns if same else at_ns
         scale = most if level < Level.STOP else 0.0
-        self.now = Judgement(level, causes, latched, before.event, since, scale, findings, self._escape, bypassed)
+        self.now = Judgement(level, causes, latched, before.event, since, scale, findings, bypassed)
         if not same:
             self._transitions.append(self.now)
         return not same

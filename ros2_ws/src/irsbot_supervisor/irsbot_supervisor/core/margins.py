@@ -51,6 +51,11 @@ def margins_of(at: Posture) -> Margins:
     )
 
 
+def margins_of_legs(at: Posture) -> tuple[Floats, Floats, Floats, Floats]:
+    """The same leg by leg; the constraint margin belongs to all legs. NaN or empty if the robot does not have it."""
+    return tuple(map(abs, at.normalised_levers)), tuple(at.cos_pressure), (at.constraint,), tuple(at.limb)
+
+
 def slopes(mechanism: Mechanism, at: Posture, kind: int) -> Floats:
     """Gradient of a margin with respect to the joints, 1/rad or 1/m; central differences. A neighbour without posture
     counts as margin 0."""

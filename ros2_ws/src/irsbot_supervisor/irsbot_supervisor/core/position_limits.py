@@ -49,12 +49,12 @@ class PositionLimits:
             findings.append(Finding(cause, Level.STOP, value if inside else q, limit, unit, text))
         return findings
 
-    def into_range(self, estimate: Estimate, first: bool = False) -> Floats:
+    def into_range(self, estimate: Estimate) -> Floats:
         """Per joint the sign of the motion back from the limit that `judge` finds; 0 if it finds none, or both."""
-        reached = zip(self._reached(estimate, first), self.lower, self.upper, strict=True)
+        reached = zip(self._reached(estimate), self.lower, self.upper, strict=True)
         return tuple([float(not low <= q - down) - float(not q + up <= high) for (q, up, down), low, high in reached])
 
-    def _reached(self, estimate: Estimate, first: bool) -> Iterator[tuple[float, float, float]]:
+    def _reached(self, estimate: Estimate, first: bool = False) -> Iterator[tuple[float, float, float]]:
         """Position of each joint, and its largest displacement forward and backward until it stands, rad or m."""
         errors = self._box.errors
         forward, backward = errors, errors

@@ -38,13 +38,15 @@ class ReachableBox:
             backward.append(forward[-1] if up == down else _until_rest(down, gain, fastest, brake, free_s))
         return forward, backward
 
-    def until_rest_from(self, rates: Floats, free_s: float) -> tuple[list[float], list[float]]:
-        """rad or m forward and backward until rest of joints that keep their rates for `free_s`, then brake."""
-        ways = [
-            rate * free_s + 0.5 * rate * abs(rate) / brake
-            for rate, (_gain, _fastest, brake) in zip(rates, self._limits, strict=True)
-        ]
-        return [max(way, 0.0) for way in ways], [max(-way, 0.0) for way in ways]
+    def following(self, rates: Floats, first_s: float, last_s: float) -> tuple[list[float], list[float]]:
+        """rad or m: lowest and highest displacements of joints that keep their rates until they brake, from `first_s`
+        on until they stand, if they brake not later than `last_s`."""
+        low, high = [], []
+        for rate, (_gain, _fastest, brake) in zip(rates, self._limits, strict=True):
+            begin, end = rate * first_s, rate * last_s + 0.5 * rate * abs(rate) / brake
+            low.append(min(begin, end))
+            high.append(max(begin, end))
+        return low, high
 
     def going(self, speeds: Speeds, free_s: float) -> tuple[list[float], list[float]]:
         """rad or m forward and backward within `free_s`."""

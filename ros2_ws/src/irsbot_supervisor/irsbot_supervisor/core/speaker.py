@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from irsbot_msgs_py.records import Cause, Finding, Floats, Level, Tick, Verdict
 from irsbot_msgs_py.stamps import NS_PER_S
+from irsbot_supervisor.core.escape import Escape
 from irsbot_supervisor.core.estimation.estimate import Estimate
 from irsbot_supervisor.core.events import Event
 from irsbot_supervisor.core.latch import Latch
@@ -34,8 +35,9 @@ class Speaker:
         rest_ns = round(JUST_NOW * self._heartbeat_ns) if isinstance(event, Tick) else self._heartbeat_ns
         return changed or event.seen_ns - self._spoken_ns >= rest_ns
 
-    def verdict(self, latch: Latch, good: Estimate | None, stale: bool, seen_ns: int) -> Verdict:
-        """The next verdict. good: the last good sample; stale: True if it is too old to tell how fast the robot is."""
+    def verdict(self, latch: Latch, good: Estimate | None, stale: bool, escape: Escape, seen_ns: int) -> Verdict:
+        """The next verdict. good: the last good sample; stale: True if it is too old to tell how fast the robot is.
+        escape: the way out of the stop in force."""
         self._count += 1
         self._spoken_ns = seen_ns
         now, end_ns = latch.now, latch.bypassed_until_ns
@@ -46,7 +48,7 @@ class Speaker:
             causes=now.causes,
             latched=now.latched,
             event=now.event,
-            escape_direction=now.escape.direction,
+            escape_direction=escape.direction,
             text=_text(now.findings),
             sequence=self._count,
             config_hash=self._hash,
@@ -55,7 +57,7 @@ class Speaker:
             findings=now.findings,
             bypassed=Cause(now.bypassed),
             bypass_left=max(end_ns - seen_ns, 0) / NS_PER_S if end_ns is not None else 0.0,
-            escape_cause=Cause(now.escape.cause),
+            escape_cause=Cause(escape.causes),
         )
 
     def is_slow(self, velocity: Floats) -> bool:

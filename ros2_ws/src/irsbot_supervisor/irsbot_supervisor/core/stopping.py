@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from irsbot_kinematics import Mechanism, Posture
 from irsbot_msgs_py.records import Floats
-from irsbot_supervisor.core.box_search import BoxBounds, nothing_of, spare_of
+from irsbot_supervisor.core.box_search import BoxBounds, largest_margins, nothing_of, smallest_margins, spare_of
 from irsbot_supervisor.core.estimation.estimate import Speeds
 from irsbot_supervisor.core.margins import Margins
 from irsbot_supervisor.core.reachable_box import ReachableBox
@@ -36,6 +36,9 @@ SAME = 0.01
 SMALLER, HARDLY_SMALLER = 0.8, 0.98
 """1: bounds are reused for boxes of at least this share of the size: if the goal was proved, and if a smaller box may
 give more."""
+
+HALVINGS = 3
+"""Number of times that a path with constant rates is halved where its bounds do not suffice."""
 
 PATIENT_CUTS = 60
 """Number of cuts where no robot waits for the answer."""
@@ -128,13 +131,26 @@ class StoppingPredictor:
         return known
 
     def along(self, at: Posture, rates: Floats, prediction_delay_s: float, wanted: Margins) -> Margins:
-        """Certified smallest margins until standstill if every joint keeps its rate (rad/s or m/s) for
-        `prediction_delay_s` and the latency, and then brakes. Other behaviour of the drives is not covered."""
-        forward, backward = self._box.until_rest_from(rates, prediction_delay_s + self._latency)
-        errors = self._box.errors_at(rates)
-        low, high = list(map(sub, at.joints, backward)), list(map(add, at.joints, forward))
-        low, high = list(map(sub, low, errors)), list(map(add, high, errors))
-        return self._bounds.least(at, tuple(low), tuple(high), wanted, self._cuts)
+        """Certified smallest margins until standstill if every joint keeps its rate (rad/s or m/s) until it brakes, at
+        the latest after `prediction_delay_s` and the latency. Other behaviour of the drives is not covered."""
+        return self._between(at, rates, 0.0, prediction_delay_s + self._latency, wanted, HALVINGS)
+
+    def _between(
+        self, at: Posture, rates: Floats, first_s: float, last_s: float, wanted: Margins, halvings: int
+    ) -> Margins:
+        """The same of the part of the path from `first_s` on, braking included. The joints move together: boxes around
+        halves of the path are much smaller than halves of a box."""
+        errors, (low, high) = self._box.errors_at(rates), self._box.following(rates, first_s, last_s)
+        lowest, highest = map(sub, map(add, at.joints, low), errors), map(add, map(add, at.joints, high), errors)
+        certified = self._bounds.least(at, tuple(lowest), tuple(highest), wanted, 0)
+        if spare_of(certified, wanted) >= 0.0 or halvings == 0:
+            return certified
+        middle_s = 0.5 * (first_s + last_s)
+        begin = self._between(at, rates, first_s, middle_s, wanted, halvings - 1)
+        if not spare_of(begin, wanted) >= 0.0:
+            return certified
+        end = self._between(at, rates, middle_s, last_s, wanted, halvings - 1)
+        return largest_margins(certified, smallest_margins([begin, end]))
 
     def travel(self, speeds: Speeds, prediction_delay_s: float) -> tuple[list[float], list[float]]:
         """rad or m: displacement of the joints forward and backward until they stand."""

@@ -24,7 +24,7 @@ from irsbot_msgs_py.records import (
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.core.assessment import SOLVED, Assessment, Assessor
 from irsbot_supervisor.core.box_search import BoxBounds, spare_of
-from irsbot_supervisor.core.escape import NO_ESCAPE, escape_of
+from irsbot_supervisor.core.escape import NO_ESCAPE, Escape, escape_of
 from irsbot_supervisor.core.estimation.estimate import Estimate
 from irsbot_supervisor.core.estimation.estimator import Estimator
 from irsbot_supervisor.core.estimation.sample_interval import SETTLING
@@ -175,6 +175,14 @@ class Supervisor:
         )
 
     @property
+    def escape(self) -> Escape:
+        """The way out of the stop in force, from where the robot is; none while its state is not known."""
+        now, good, at = self._latch.now, self._good, self._at
+        if now.level != Level.STOP or good is None or at is None:
+            return NO_ESCAPE
+        return escape_of(self.robot.mechanism, at, now.findings, self._position.into_range(good))
+
+    @property
     def quiet(self) -> bool:
         """True if nothing is in force or under suspicion, so that a sample without findings changes no verdict."""
         good = self._good
@@ -222,7 +230,7 @@ class Supervisor:
         return Step(None, self._verdict(seen_ns), transitions=self._latch.take_transitions())
 
     def _verdict(self, seen_ns: int) -> Verdict:
-        return self._speaker.verdict(self._latch, self._good, self._stale, seen_ns)
+        return self._speaker.verdict(self._latch, self._good, self._stale, self.escape, seen_ns)
 
     def _pass_time(self, seen_ns: int) -> bool:
         """Take in a silence since the last good sample; it is dated to the moment at which it began to count. The
@@ -301,11 +309,8 @@ class Supervisor:
         if late:
             found.append(self._policy.rare(estimate, certified))
         found = self._found = [*found, *self._position.judge(estimate, first), *self._stops.look(estimate)]
-        escape = NO_ESCAPE
-        if found and not self._latch.latched and any(finding.level == Level.STOP for finding in found):
-            escape = escape_of(self.robot.mechanism, at, found, self._position.into_range(estimate, first))
         moved_freely = self._latch.now.level < Level.STOP
-        self._latch.update(found, sample.seen_ns, escape)
+        self._latch.update(found, sample.seen_ns)
         if moved_freely and self._latch.now.level >= Level.STOP:
             self._stops.begin(estimate)
             self.seen_too_rarely += late
@@ -370,9 +375,8 @@ class Supervisor:
         certified = predictor.predict(at, good.speeds, good.prediction_delay_s) if at.status == SOLVED else None
         active = self._policy.judge(good, assessment, certified, self._reporter.reaction(good, assessment), 0)
         active += self._position.judge(good)
-        escape = escape_of(self.robot.mechanism, at, active, self._position.into_range(good))
         lost = self._latch.lost
-        refusal = self._latch.reset(reset.event, reset.seen_ns, self.standing, active, escape)
+        refusal = self._latch.reset(reset.event, reset.seen_ns, self.standing, active)
         if not refusal or lost > self._latch.lost:
             self._assessor.confirm(seen)
             self._found, self._at, self._predictor = active, at, predictor

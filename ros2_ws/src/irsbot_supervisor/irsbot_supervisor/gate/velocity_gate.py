@@ -33,7 +33,7 @@ the drives lag behind their commands, and the supervisor predicts from a later i
 
 DIP = 0.002
 """1: how far the bound of a way out may lie below the best margin since the stop. Bounds over boxes of joints are
-slightly below the margins; after eight cuts, the boxes of a slow path are finer than this."""
+slightly below the margins; in boxes around eighths of a slow path, by less than this."""
 
 STEP = 1.25
 """1: largest increase of the allowed share from one command to the next."""

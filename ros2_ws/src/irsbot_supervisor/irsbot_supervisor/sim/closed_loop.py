@@ -137,6 +137,11 @@ class GuidedRobot:
     def now(self) -> Judgement:
         return self.transitions[-1]
 
+    @property
+    def way_out(self) -> Floats:
+        """Escape direction of the stop in force, from where the robot is; empty if none is known."""
+        return self.supervisor.escape.direction
+
     def beat(self, wanted: Sequence[float]) -> Allowed:
         """Advance by one heartbeat with a commanded velocity, rad/s or m/s; returns the velocity that the gate
         passed."""

@@ -2,7 +2,7 @@
 not flicker.
 
 A robot moves beyond a limit, past the gate, and is stopped. From there, velocity commands in many directions go through
-the gate, each for a while. Then the robot is moved along the escape direction until its margins are large again, and
+the gate, each for a while. Then the robot follows the escape direction until its margins are large again, and is
 reset. Differences of the true margins decide what is away and what is towards.
 """
 
@@ -161,11 +161,11 @@ def _uncertain(guided: GuidedRobot, kinds: list[int]) -> float:
 
 
 def _lead_out(stopped: Stopped, tally: Tally) -> str:
-    """Move along the escape direction until the margins are large, then reset. Returns the fault, or empty."""
+    """Follow the escape direction until the margins are large, then reset. Returns the fault, or empty."""
     guided, at = stopped
     settings, robot = guided.settings, guided.supervisor.robot
     kinds = _kinds(guided)
-    rates = tuple(v * e for v, e in zip(settings.velocity_limit, guided.now.escape.direction, strict=True))
+    speed, direction = settings.velocity_limit, guided.way_out
     enough = BACK * limits(settings, "warn")[kinds]
 
     def is_out() -> bool:
@@ -175,11 +175,12 @@ def _lead_out(stopped: Stopped, tally: Tally) -> str:
     beats, farther, refusal = 0, 0, "not requested"
     while refusal and beats < ESCAPE_BEATS:  # a robot that could not be stopped if it were let go is moved on
         while beats < ESCAPE_BEATS and (beats < farther or not is_out()):
-            guided.beat(rates)
+            direction = guided.way_out or direction
+            guided.beat(tuple(v * e for v, e in zip(speed, direction, strict=True)))
             at = _followed(guided, at)
             beats += 1
         for _ in range(REST_BEATS):
-            guided.beat((0.0,) * len(rates))
+            guided.beat((0.0,) * len(speed))
         refusal, farther = guided.reset(), beats + ONWARD_BEATS
     for _ in range(REST_BEATS):
         guided.drift()

@@ -1,0 +1,140 @@
+"""The way out of a stop, against directions at random and differences of margins."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from supervised import settings_of
+
+from irsbot_kinematics import Mechanism, Posture
+from irsbot_msgs_py.records import Cause, Finding, Level
+from irsbot_supervisor.core.escape import LEAST_GROWTH, NEARLY, NO_ESCAPE, escape_of
+from irsbot_supervisor.core.margins import MARGIN_CAUSES, margins_of, margins_of_legs, slopes
+from irsbot_supervisor.sim.closed_loop import GuidedRobot
+from irsbot_supervisor.validation.harness.oracle import Array, good_postures, margins_along
+
+Q = (2.618, 2.618)
+
+AT_REST_BEATS = 20
+"""Heartbeats after which a robot stands, and is OK if nothing stops it."""
+
+
+def finding(cause: Cause, level: Level = Level.STOP) -> Finding:
+    return Finding(cause, level, 0.1, 0.2, "1", "")
+
+
+def growth(ways: Array, directions: Array) -> Array:
+    """Least share of the directions (N, n) along unit vectors (K, n)."""
+    return np.asarray((directions @ (ways / np.linalg.norm(ways, axis=1)[:, None]).T).min(axis=1))
+
+
+def asymmetric() -> Posture:
+    """Every margin of it has a slope."""
+    return settings_of("irsbot2")[1].mechanism.posture((Q[0] + 0.1, Q[1]), -1)
+
+
+@pytest.mark.parametrize(
+    ("found", "causes"),
+    [
+        ([finding(Cause.POSITION)], Cause.POSITION),
+        ([finding(Cause.REACTION), finding(Cause.POSITION | Cause.BRAKING)], Cause.POSITION),
+        ([finding(Cause.TYPE1, Level.WARN), finding(Cause.POSITION)], Cause.POSITION),
+        ([finding(Cause.TYPE1 | Cause.BRAKING)], Cause.TYPE1),
+        ([finding(Cause.TYPE2 | Cause.BRAKING), finding(Cause.TYPE2)], Cause.TYPE2),
+        ([finding(Cause.CONSTRAINT), finding(Cause.POSITION)], Cause.CONSTRAINT | Cause.POSITION),
+    ],
+)
+def test_the_way_out_names_the_causes_that_it_serves(found: list[Finding], causes: Cause) -> None:
+    _settings, robot = settings_of("irsbot2")
+    at, into_range = asymmetric(), (1.0, -1.0)
+    out = escape_of(robot.mechanism, at, found, into_range)
+    assert out.causes == causes
+    assert np.hypot(*out.direction) == pytest.approx(1.0)
+    if out.causes & Cause.POSITION:
+        assert np.dot(out.direction, into_range) > 0.0
+    ahead = robot.mechanism.track(tuple(np.add(at.joints, np.multiply(1e-3, out.direction))), at)
+    for kind, cause in enumerate(MARGIN_CAUSES):
+        if out.causes & cause:
+            assert margins_of(ahead)[kind] > margins_of(at)[kind]
+
+
+@pytest.mark.parametrize("found", [[], [finding(Cause.REACTION)], [finding(Cause.POSITION, Level.WARN)]])
+def test_where_nothing_is_known_to_help_there_is_no_way_out(found: list[Finding]) -> None:
+    _settings, robot = settings_of("irsbot2")
+    assert escape_of(robot.mechanism, robot.mechanism.posture(Q, -1), found, (1.0, 0.0)) == NO_ESCAPE
+
+
+def test_a_joint_range_does_not_lead_towards_a_margin_that_stops() -> None:
+    """Where both cannot be served, the margin is."""
+    _settings, robot = settings_of("irsbot2")
+    at = asymmetric()
+    steepest = np.array(slopes(robot.mechanism, at, 1))
+    found = [finding(Cause.POSITION), finding(Cause.TYPE2)]
+    out = escape_of(robot.mechanism, at, found, tuple((-steepest).tolist()))
+    assert out.causes == Cause.TYPE2
+    assert out.direction == pytest.approx(steepest / np.linalg.norm(steepest))
+
+
+def ascents(mechanism: Mechanism, at: Posture, kind: int) -> Array:
+    """(K, n) one-sided gradients of a margin in the legs that are near to be the worst."""
+    here = np.array(margins_of_legs(at)[kind])
+    legs = np.flatnonzero(here <= (1.0 + NEARLY) * here.min())
+    steps = 1e-6 * np.eye(len(at.joints))
+    ahead = [margins_of_legs(mechanism.track(tuple((at.joints + step).tolist()), at))[kind] for step in steps]
+    return ((np.array(ahead) - here) / 1e-6)[:, legs].T
+
+
+@pytest.mark.parametrize("name", ["irsbot2", "five_bar", "rrr3", "orthoglide", "ruu4", "rails2"])
+def test_all_margins_that_stop_grow_and_no_other_direction_serves_the_worst_of_them_better(name: str) -> None:
+    settings, robot = settings_of(name)
+    rng, served = np.random.default_rng(4), 0
+    directions = rng.normal(size=(20_000, len(settings.velocity_limit)))
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    for q in good_postures(robot, settings, 10, rng).tolist():
+        at = robot.mechanism.posture(tuple(q), settings.assembly_mode)
+        kinds = [kind for kind, legs in enumerate(margins_of_legs(at)) if legs and np.isfinite(legs).all()]
+        ways = {kind: ascents(robot.mechanism, at, kind) for kind in kinds}
+        kinds = [kind for kind in kinds if (np.linalg.norm(ways[kind], axis=1) > 1e-6).all()]
+        together = np.vstack([ways[kind] for kind in kinds])
+        best = growth(together, directions).max()
+        out = escape_of(robot.mechanism, at, [finding(MARGIN_CAUSES[kind]) for kind in kinds], (0.0,) * len(q))
+        if best > 1.1 * LEAST_GROWTH:
+            assert out.causes == sum(MARGIN_CAUSES[kind] for kind in kinds)
+            assert growth(together, np.array([out.direction]))[0] >= best - 1e-3
+            served += len(together) > 1
+        for kind in kinds:
+            if out.causes & MARGIN_CAUSES[kind]:
+                worst = slopes(robot.mechanism, at, kind)
+                assert np.dot(worst, out.direction) >= 0.9 * LEAST_GROWTH * np.linalg.norm(worst)
+    assert served, "no posture has a direction for all: the fixture proves nothing"
+
+
+@pytest.mark.parametrize("name", ["irsbot2", "rrr3", "orthoglide"])
+def test_the_way_out_is_that_from_where_the_robot_is(name: str) -> None:
+    """A robot is stopped, and led out a good way: there the direction is another one, and the margins still grow."""
+    settings, robot = settings_of(name)
+    rng = np.random.default_rng(2)
+    guided = GuidedRobot(robot, settings, tuple(good_postures(robot, settings, 1, rng)[0].tolist()))
+    for _ in range(AT_REST_BEATS):
+        guided.drift()
+    assert guided.way_out == ()
+    rates = tuple((rng.uniform(0.3, 1.0, len(settings.velocity_limit)) * settings.velocity_limit).tolist())
+    while guided.now.level < Level.STOP:
+        guided.rush(rates)
+    at = robot.mechanism.posture(guided.drives.now.position, settings.assembly_mode)
+    for _ in range(AT_REST_BEATS):
+        guided.drift()
+    first = np.array(guided.way_out)
+    for _ in range(200):
+        guided.beat(tuple((np.array(settings.velocity_limit) * guided.way_out).tolist()))
+    out = guided.supervisor.escape
+    assert np.abs(np.array(out.direction) - first).max() > 1e-3
+    here = np.array(guided.drives.now.position)
+    now, ahead = margins_along(robot, settings, np.array([here, here + 1e-4 * np.array(out.direction)]), at)
+    for kind, cause in enumerate(MARGIN_CAUSES):
+        if out.causes & cause:
+            assert ahead[kind] > now[kind]
+    for _ in range(AT_REST_BEATS):
+        guided.drift()
+    assert guided.reset() == ""
+    assert guided.way_out == ()
