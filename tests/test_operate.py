@@ -15,6 +15,7 @@ from command import IRSBOT, PATIENCE_S
 
 pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
+from irsbot_msgs_py.records import Level
 from irsbot_supervisor.processes.operating import NobodyThere, Operator
 from irsbot_supervisor.processes.suite import GATED, JOINTS, SUPERVISOR, Node, Suite, free_domain
 
@@ -69,6 +70,28 @@ def test_commands_pass_the_gate_or_the_hold_is_reported(domain: int) -> None:
     done = irsbot(domain, "send", "velocity", 0.05, -0.05, "--seconds", 0.3)
     assert (done.returncode, "passed" in done.stdout) in ((0, True), (1, False))
     assert done.returncode == 0 or "held: " in done.stderr
+
+
+def test_a_stopped_robot_is_led_out_along_its_escape_direction_and_reset(tmp_path: Path) -> None:
+    """A limit above the margin of a robot that stands stops it."""
+    number = free_domain()
+    with Suite(tmp_path, number) as suite, Operator(number, patience_s=PATIENCE_S) as operator:
+        suite.start(Node("supervisor", SUPERVISOR, {"robot": "irsbot2"}))
+        drives = {"robot": "irsbot2", "scenario": "stand", "gated": True, "listeners": 1}
+        suite.start(Node("simulated_joints", JOINTS, drives, GATED))
+        while operator.verdict().level > Level.WARN:
+            pass
+        done = irsbot(number, "send", "escape")
+        assert (done.returncode, "no escape direction" in done.stderr) == (1, True)
+        assert operator.set({"constraint_warn": 0.22, "constraint_stop": 0.2}).accepted
+        while (stop := operator.verdict()).level != Level.STOP:
+            pass
+        assert "still there" in operator.reset(stop.event, "test: where it was stopped").message
+        done = irsbot(number, "send", "escape", "--seconds", 6)
+        assert done.returncode == 0, done.stderr
+        assert "passed, at most" in done.stdout
+        answer = operator.reset(stop.event, "test: led out")
+        assert answer.accepted, answer.message
 
 
 def test_a_domain_without_a_supervisor_is_reported_in_one_line() -> None:

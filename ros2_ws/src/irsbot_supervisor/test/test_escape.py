@@ -10,8 +10,9 @@ from irsbot_kinematics import Mechanism, Posture
 from irsbot_msgs_py.records import Cause, Finding, Level
 from irsbot_supervisor.core.escape import LEAST_GROWTH, NEARLY, NO_ESCAPE, escape_of
 from irsbot_supervisor.core.margins import MARGIN_CAUSES, margins_of, margins_of_legs, slopes
+from irsbot_supervisor.core.stopping import limits_of
 from irsbot_supervisor.sim.closed_loop import GuidedRobot
-from irsbot_supervisor.validation.harness.oracle import Array, good_postures, margins_along
+from irsbot_supervisor.validation.harness.oracle import Array, good_postures, joint_ranges, margins, margins_along
 
 Q = (2.618, 2.618)
 
@@ -109,32 +110,41 @@ def test_all_margins_that_stop_grow_and_no_other_direction_serves_the_worst_of_t
     assert served, "no posture has a direction for all: the fixture proves nothing"
 
 
-@pytest.mark.parametrize("name", ["irsbot2", "rrr3", "orthoglide"])
-def test_the_way_out_is_that_from_where_the_robot_is(name: str) -> None:
-    """A robot is stopped, and led out a good way: there the direction is another one, and the margins still grow."""
+def stuck(name: str) -> GuidedRobot:
+    """A robot that stands beyond a stop limit, but not at a singularity."""
     settings, robot = settings_of(name)
-    rng = np.random.default_rng(2)
-    guided = GuidedRobot(robot, settings, tuple(good_postures(robot, settings, 1, rng)[0].tolist()))
-    for _ in range(AT_REST_BEATS):
-        guided.drift()
-    assert guided.way_out == ()
-    rates = tuple((rng.uniform(0.3, 1.0, len(settings.velocity_limit)) * settings.velocity_limit).tolist())
-    while guided.now.level < Level.STOP:
-        guided.rush(rates)
+    low, high = joint_ranges(robot)
+    places = np.random.default_rng(1).uniform(low, high, (20_000, len(low)))
+    found, stop = margins(robot, settings, places), np.array(limits_of(settings, "stop"))
+    beyond = (found > 0.4 * stop).all(axis=1) & (found < 0.8 * stop).any(axis=1)
+    for place in places[beyond].tolist():  # some are in another working mode
+        guided = GuidedRobot(robot, settings, tuple(place))
+        for _ in range(AT_REST_BEATS):
+            guided.drift()
+        if guided.now.level == Level.STOP:
+            return guided
+    raise AssertionError("no place is beyond a limit")
+
+
+@pytest.mark.parametrize("name", ["irsbot2", "five_bar", "rrr3", "orthoglide", "triaglide"])
+def test_a_robot_that_follows_the_way_out_can_be_reset_where_it_ends(name: str) -> None:
+    """All along, the margins that stop it grow."""
+    guided = stuck(name)
+    settings, robot = guided.settings, guided.supervisor.robot
+    assert "still there" in guided.reset()
     at = robot.mechanism.posture(guided.drives.now.position, settings.assembly_mode)
-    for _ in range(AT_REST_BEATS):
-        guided.drift()
-    first = np.array(guided.way_out)
-    for _ in range(200):
-        guided.beat(tuple((np.array(settings.velocity_limit) * guided.way_out).tolist()))
-    out = guided.supervisor.escape
-    assert np.abs(np.array(out.direction) - first).max() > 1e-3
-    here = np.array(guided.drives.now.position)
-    now, ahead = margins_along(robot, settings, np.array([here, here + 1e-4 * np.array(out.direction)]), at)
-    for kind, cause in enumerate(MARGIN_CAUSES):
-        if out.causes & cause:
-            assert ahead[kind] > now[kind]
+    ways, speed = [], np.array(settings.velocity_limit)
+    while out := guided.supervisor.escape.direction:
+        if len(ways) % 10 == 0:
+            here = np.array(guided.drives.now.position)
+            now, ahead = margins_along(robot, settings, np.array([here, here + 1e-4 * np.array(out)]), at)
+            for kind, cause in enumerate(MARGIN_CAUSES):
+                if guided.supervisor.escape.causes & cause:
+                    assert ahead[kind] > now[kind]
+        ways.append(out)
+        guided.beat(tuple((speed * out).tolist()))
+        assert len(ways) < 800, "it does not end"
+    assert np.ptp(np.array(ways), axis=0).max() > 1e-3, "always the same direction"
     for _ in range(AT_REST_BEATS):
         guided.drift()
     assert guided.reset() == ""
-    assert guided.way_out == ()

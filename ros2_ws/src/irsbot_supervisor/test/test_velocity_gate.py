@@ -14,8 +14,9 @@ from irsbot_msgs_py.gate_status import GateOutcome, GateReason
 from irsbot_msgs_py.records import Cause, Level
 from irsbot_supervisor.core.estimation.estimate import Speeds
 from irsbot_supervisor.core.estimation.observer import excess
+from irsbot_supervisor.core.margins import slopes
 from irsbot_supervisor.core.settings import Settings
-from irsbot_supervisor.core.stopping import StoppingPredictor, limits_of
+from irsbot_supervisor.core.stopping import StoppingPredictor, limits_of, release_of
 from irsbot_supervisor.gate.answer import PASSED, Answer
 from irsbot_supervisor.gate.velocity_gate import Gate
 from irsbot_supervisor.sim.closed_loop import GuidedRobot
@@ -76,15 +77,15 @@ def roomy(robot: irs.Robot, settings: Settings, joints) -> bool:
     return bool((np.array(certified) >= np.array(limits_of(settings, "warn"))).all())
 
 
-def stopped(name: str, seed: int) -> GuidedRobot:
-    """A robot that ran at full speed, past the gate, at a limit, and was stopped."""
+def stopped(name: str, seed: int, share: float = 0.9) -> GuidedRobot:
+    """A robot that ran at a share of full speed, past the gate, at a limit, and was stopped."""
     rng = np.random.default_rng(seed)
     while True:
         guided = standing(name, good_posture(name, int(rng.integers(2**31))))
         limits = np.array(guided.settings.velocity_limit)
         direction = rng.normal(size=len(limits))
-        rates = 0.9 * limits * direction / np.abs(direction).max()
-        for _ in range(200):
+        rates = share * limits * direction / np.abs(direction).max()
+        for _ in range(round(180 / share)):
             guided.rush(tuple(rates))
             if guided.now.level >= Level.STOP:
                 break
@@ -228,15 +229,22 @@ def test_who_goes_on_commanding_while_the_robot_brakes_is_let_out_as_well(name):
     assert braking
 
 
-@pytest.mark.parametrize(("name", "seed"), [*((name, 7) for name in ROBOTS), ("rrr3", 4)])
-def test_after_a_stop_only_motion_away_passes_and_slowly(name, seed):
-    guided = stopped(name, seed)
+NEAR = [(name, 7, 0.1) for name in ("irsbot2", "irsbot2_beta45", "five_bar", "orthoglide")] + [("triaglide", 8, 0.1)]
+"""Robots that were slow: they stand beyond a warning limit. Fast ones stand where their margins are above it."""
+
+
+@pytest.mark.parametrize(("name", "seed", "share"), [*((name, 7, 0.9) for name in ROBOTS), ("rrr3", 4, 0.9), *NEAR])
+def test_after_a_stop_only_motion_away_from_the_limits_or_within_them_passes_and_slowly(name, seed, share):
+    """A margin below its warning limit may not fall; one that is above may not fall below."""
+    guided = stopped(name, seed, share)
     robot, settings = guided.supervisor.robot, guided.settings
     start = np.array(guided.drives.now.position)
     kinds, base = causes(guided), margins(robot, settings, start)
     view = guided.supervisor.view
     assert view is not None
     assert kinds
+    inside = np.array(release_of(settings))
+    assert ((base < inside)[kinds].all()) or (name, seed, share) not in NEAR
     limits = np.array(settings.velocity_limit)
     rng = np.random.default_rng(1)
     away = toward = 0
@@ -247,8 +255,8 @@ def test_after_a_stop_only_motion_away_passes_and_slowly(name, seed):
         slopes = (ahead - behind) / 2e-5
         allowed = Gate(settings, robot.mechanism).velocity(tuple(limits * direction), view).rates
         assert (np.abs(allowed) <= settings.recovery_share * limits * (1.0 + 1e-9)).all()
-        gained = margins(robot, settings, start + 0.01 * np.array(allowed))[kinds] - base[kinds]
-        assert gained.min() >= -LOST
+        then = margins(robot, settings, start + 0.01 * np.array(allowed))
+        assert (then - np.minimum(base, inside))[kinds].min() >= -LOST
         if slopes.min() > 0.02:
             away += 1
             assert np.abs(allowed).max() > 0.0
@@ -261,17 +269,14 @@ def test_after_a_stop_only_motion_away_passes_and_slowly(name, seed):
 @pytest.mark.parametrize("name", ROBOTS)
 def test_a_stopped_robot_is_led_out_and_reset_to_ok(name):
     guided = stopped(name, seed=11)
-    robot, settings = guided.supervisor.robot, guided.settings
     assert guided.reset() == "" or "still there" in guided.reset() or guided.now.level == Level.STOP
     if guided.now.latched:
-        escape = np.array(guided.way_out)
-        kinds, enough = causes(guided), 1.1 * np.array(limits_of(settings, "warn"))
+        speed = np.array(guided.settings.velocity_limit)
         for _ in range(800):
-            guided.beat(tuple(np.array(settings.velocity_limit) * escape))
-            if (margins(robot, settings, guided.drives.now.position) >= enough)[kinds].all():
-                break
+            if way := guided.way_out:
+                guided.beat(tuple((speed * way).tolist()))
         for _ in range(AT_REST_BEATS):
-            guided.beat((0.0,) * len(escape))
+            guided.beat((0.0,) * len(speed))
         assert guided.reset() == ""
     for _ in range(AT_REST_BEATS):
         guided.drift()
@@ -283,17 +288,24 @@ def test_a_stopped_robot_is_led_out_and_reset_to_ok(name):
 
 
 def test_on_the_way_out_the_margin_does_not_decrease_again():
-    guided = stopped("irsbot2", seed=3)
+    guided = stopped("irsbot2", seed=7, share=0.1)
     robot, settings = guided.supervisor.robot, guided.settings
-    kinds, escape = causes(guided), np.array(guided.way_out)
+    inside = np.array(release_of(settings))
+    kinds = causes(guided)
+    at = robot.mechanism.posture(guided.drives.now.position, settings.assembly_mode)
+    away = np.array(slopes(robot.mechanism, at, kinds[0]))
+    away /= np.linalg.norm(away)
     speed = np.array(settings.velocity_limit)
-    for _ in range(30):
-        guided.beat(tuple(speed * escape))
+    base = margins(robot, settings, guided.drives.now.position)[kinds]
+    for _ in range(5):
+        guided.beat(tuple(speed * away))
     for _ in range(AT_REST_BEATS):
         guided.beat((0.0, 0.0))
     gained = margins(robot, settings, guided.drives.now.position)[kinds]
+    assert (base < gained).all()
+    assert (gained < inside[kinds]).all()
     for _ in range(50):
-        guided.beat(tuple(-speed * escape))
+        guided.beat(tuple(-speed * away))
         now = margins(robot, settings, guided.drives.now.position)[kinds]
         assert (now >= gained - LOST).all()
     assert guided.now.latched

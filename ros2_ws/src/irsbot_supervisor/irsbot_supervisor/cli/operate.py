@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -117,17 +118,33 @@ def velocity(
     Example: irsbot send velocity 0.5 -0.5 --seconds 2.
     """
     wanted = numbers(rates, "velocities", len(rates))
-    if not 0.0 < seconds <= LONGEST_S:
-        raise BadInput(f"--seconds is {seconds:g}, must be above 0 and at most {LONGEST_S:g}")
+    _check_duration(seconds)
     with _operator(domain, namespace, wait) as operator:
         passed = _asked(lambda: operator.send_velocity(wanted, seconds))
-    largest = max(passed, key=lambda row: max(map(abs, row), default=0.0), default=())
-    if as_json:
-        print_json({"sent": wanted, "let_through": len(passed), "largest": largest})
-    if any(wanted) and not any(largest):
-        raise Failed(f"nothing passed the gate: {operator.held}; see `irsbot verdict`")
-    if not as_json:
-        out.print(f"passed, at most: {' '.join(f'{value:g}' for value in largest)}")
+    _tell_passed(wanted, passed, operator.held, as_json)
+
+
+@app.command()
+def escape(
+    seconds: Annotated[float, typer.Option(help="longest duration, s; then zero")] = 10.0,
+    domain: Domain = 0,
+    namespace: Namespace = "",
+    wait: Patience = 5.0,
+    as_json: AsJson = False,
+) -> None:
+    """Move a stopped robot along its escape direction, slowly. Exit code 1 if there is none or nothing passed the gate.
+
+    Example: irsbot send escape --seconds 5
+    """
+    _check_duration(seconds)
+    with _operator(domain, namespace, wait) as operator:
+        stated = _asked(operator.verdict)
+        if not stated.escape_direction:
+            raise Failed(f"there is no escape direction: the level is {stated.level.name}")
+        passed = _asked(lambda: operator.send_escape(seconds))
+        _tell_passed(stated.escape_direction, passed, operator.held, as_json)
+        if not as_json:
+            _tell(_asked(operator.verdict), as_json)
 
 
 @app.command()
@@ -174,6 +191,23 @@ def _asked(question: Any) -> Any:
         return question()
     except NobodyThere as error:
         raise Failed(str(error)) from None
+
+
+def _check_duration(seconds: float) -> None:
+    """Raises BadInput."""
+    if not 0.0 < seconds <= LONGEST_S:
+        raise BadInput(f"--seconds is {seconds:g}, must be above 0 and at most {LONGEST_S:g}")
+
+
+def _tell_passed(sent: Sequence[float], passed: Sequence[Sequence[float]], held: str, as_json: bool) -> None:
+    """Print what passed the gate at most. Raises Failed if nothing did."""
+    largest = max(passed, key=lambda row: max(map(abs, row), default=0.0), default=())
+    if as_json:
+        print_json({"sent": sent, "let_through": len(passed), "largest": largest})
+    if any(sent) and not any(largest):
+        raise Failed(f"nothing passed the gate: {held}; see `irsbot verdict`")
+    if not as_json:
+        out.print(f"passed, at most: {' '.join(f'{value:g}' for value in largest)}")
 
 
 def _done(answer: Answer, text: str, as_json: bool) -> None:

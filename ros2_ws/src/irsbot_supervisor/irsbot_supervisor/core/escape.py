@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from irsbot_kinematics import Mechanism, Posture, Status
 from irsbot_msgs_py.records import Cause, Finding, Floats, Level
-from irsbot_supervisor.core.margins import MARGIN_CAUSES, PROBE, margins_of_legs
+from irsbot_supervisor.core.margins import MARGIN_CAUSES, PROBE, margins_of, margins_of_legs
 
 LEAST_GROWTH = 0.05
 """1: in a common direction every margin grows at least by this share of its steepest growth. It is 0 if the directions
@@ -36,13 +36,15 @@ NO_ESCAPE = Escape((), 0)
 
 def escape_of(mechanism: Mechanism, at: Posture, found: Sequence[Finding], into_range: Floats) -> Escape:
     """The way out of a stop: the direction in which the least growth of all margins that stop is largest. A cause that
-    has no direction in common with those before it is left out. Margins come before joint ranges: a joint beyond its
-    range still has a drive, a platform at a singularity has none.
+    has no direction in common with those that have a smaller margin is left out. Margins come before joint ranges: a
+    joint beyond its range still has a drive, a platform at a singularity has none.
 
-    found: findings, those that count most first. into_range: per joint the sign of the motion back into its range.
+    into_range: per joint the sign of the motion back into its range.
     """
     stops = [finding.cause for finding in found if finding.level == Level.STOP]
-    kinds = dict.fromkeys(kind for cause in stops for kind, bit in enumerate(MARGIN_CAUSES) if cause & bit)
+    here = margins_of(at)
+    kinds = [kind for kind in range(len(here)) if any(cause & MARGIN_CAUSES[kind] for cause in stops)]
+    kinds.sort(key=here.__getitem__)
     around = _neighbours(mechanism, at) if kinds else []
     candidates = [(int(MARGIN_CAUSES[kind]), _steepest(at, around, kind)) for kind in kinds]
     if any(cause & Cause.POSITION for cause in stops):

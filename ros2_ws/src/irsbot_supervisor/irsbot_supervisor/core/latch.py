@@ -51,6 +51,11 @@ class Latch:
         return bool(self._stopped_by)
 
     @property
+    def held(self) -> list[Finding]:
+        """The findings in force, without those that a latched stop remembers."""
+        return [finding for finding, _last in self._held.values()]
+
+    @property
     def clear(self) -> bool:
         """True if the level is OK and nothing is held, latched or bypassed, nor waits in `take_transitions`."""
         nothing = not (self._held or self._stopped_by or self._bypass or self._transitions)
@@ -197,7 +202,7 @@ class Latch:
             self.now = Judgement(Level.OK, 0, False, before.event, at_ns, most, (), bypassed)
             self._transitions.append(self.now)
             return True
-        findings = tuple(finding for finding, _last in self._held.values())
+        findings = tuple(self.held)
         causes = 0
         level = Level.OK
         for finding in findings:

@@ -176,11 +176,12 @@ class Supervisor:
 
     @property
     def escape(self) -> Escape:
-        """The way out of the stop in force, from where the robot is; none while its state is not known."""
+        """The way out of the stop in force, from where the robot is; none while its state is not known, nor where
+        nothing stops it any more and a reset is due."""
         now, good, at = self._latch.now, self._good, self._at
         if now.level != Level.STOP or good is None or at is None:
             return NO_ESCAPE
-        return escape_of(self.robot.mechanism, at, now.findings, self._position.into_range(good))
+        return escape_of(self.robot.mechanism, at, self._latch.held, self._position.into_range(good))
 
     @property
     def quiet(self) -> bool:

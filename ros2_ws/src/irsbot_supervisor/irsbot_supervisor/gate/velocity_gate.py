@@ -2,8 +2,9 @@
 
 On approach a command is scaled so that the robot can be stopped before the gate's limits, whatever its drives do from
 then on. These limits lie a little above the stop limits, so a robot commanded through the gate comes to rest before a
-STOP. Motion tangential to a limit passes; the component towards it is removed. After a STOP only motion away from its
-cause passes, at recovery speed, and the margin may not decrease again. In doubt the answer is a hold.
+STOP. Motion tangential to a limit passes; the component towards it is removed. After a STOP the robot moves at recovery
+speed. A margin that caused it and is below its warning limit must grow, and may not decrease again; one that is above
+stays above. In doubt the answer is a hold.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from irsbot_supervisor.core.margins import MARGIN_CAUSES, Margins, margins_of, s
 from irsbot_supervisor.core.position_limits import PositionLimits
 from irsbot_supervisor.core.reachable_box import position_error
 from irsbot_supervisor.core.settings import Settings
-from irsbot_supervisor.core.stopping import StoppingPredictor, limits_of, raised
+from irsbot_supervisor.core.stopping import StoppingPredictor, limits_of, raised, release_of
 from irsbot_supervisor.core.view import View
 from irsbot_supervisor.gate.answer import PASSED, Answer, held
 
@@ -83,6 +84,7 @@ class Gate:
         self._beat_s, self._latency_s = settings.heartbeat_s, settings.latency_s
         self._lag_s = settings.heartbeat_s + settings.latency_s  # until the drives follow the next command
         self._stop = limits_of(settings, "stop")
+        self._inside = release_of(settings)
         self._keep = raised(self._stop, RESERVE)
         self._error = (position_error(settings),) * len(settings.velocity_limit)
         self._slack_m = settings.slack_m
@@ -136,7 +138,7 @@ class Gate:
 
     def _limits(self, view: View) -> Margins:
         """Margins that a motion from here must keep: the gate's limits or, on the way out, the best margins since the
-        stop."""
+        stop as far as they are below their warning limits."""
         stopped_by = view.judgement.causes if view.judgement.level == Level.STOP else 0
         if view.judgement.level == Level.STOP:
             certified = margins_of_bounds(self._mechanism.certified_bounds(view.at, self._error, self._slack_m))
@@ -144,8 +146,8 @@ class Gate:
             rest = excess(self._settings, 0.5 * view.expected_s)
             certified = self._predictor.predict(view.at, Speeds(rest, rest), view.prediction_delay_s, self._keep)
         limits, best = [], []
-        for kind, now, last, keep, stop in zip(
-            MARGIN_CAUSES, certified, self._best, self._keep, self._stop, strict=True
+        for kind, now, last, keep, stop, inside in zip(
+            MARGIN_CAUSES, certified, self._best, self._keep, self._stop, self._inside, strict=True
         ):
             caused = bool(stopped_by & kind)
             if view.judgement.bypassed & kind:  # it may be lost: an operator has said so
@@ -154,7 +156,8 @@ class Gate:
                 continue
             gained = max(now, last) if caused or now < keep else -inf
             best.append(gained)
-            limits.append(gained - DIP if caused else min(keep, max(gained - DIP, stop)) if gained > -inf else keep)
+            least = gained - DIP
+            limits.append(min(least, inside) if caused else min(keep, max(least, stop)) if gained > -inf else keep)
         self._best = (best[0], best[1], best[2], best[3])
         return limits[0], limits[1], limits[2], limits[3]
 

@@ -104,6 +104,16 @@ class Operator:
     def send_velocity(self, rates: Sequence[float], seconds: float) -> list[tuple[float, ...]]:
         """Send joint velocities, rad/s or m/s in robot order, through the command gate for this time, then zero.
         Returns the velocities that passed. Raises NobodyThere."""
+        return self._send(lambda: rates, seconds)
+
+    def send_escape(self, seconds: float) -> list[tuple[float, ...]]:
+        """Follow the escape direction from verdict to verdict through the command gate for this time, or until there is
+        none. The gate makes it slow. Returns the velocities that passed. Raises NobodyThere."""
+        self.verdict()
+        return self._send(lambda: self._verdicts[-1].escape_direction, seconds)
+
+    def _send(self, rates: Callable[[], Sequence[float]], seconds: float) -> list[tuple[float, ...]]:
+        """Send the present velocities for this time or until there are none, then zero."""
         passed: list[tuple[float, ...]] = []
         publisher = self._node.create_publisher(Float64MultiArray, "velocity_in", DEPTH)
         heard = self._node.create_subscription(
@@ -112,10 +122,14 @@ class Operator:
         self._await(
             lambda: publisher.get_subscription_count() > 0, "velocity_in has no subscriber (./irsbot up --gate)"
         )
+        joints = 0
         for _ in range(max(round(seconds * RATE_HZ), 1)):
-            publisher.publish(Float64MultiArray(data=list(rates)))
+            if not (now := list(rates())):
+                break
+            joints = len(now)
+            publisher.publish(Float64MultiArray(data=now))
             self._look(1.0 / RATE_HZ)
-        publisher.publish(Float64MultiArray(data=[0.0] * len(rates)))
+        publisher.publish(Float64MultiArray(data=[0.0] * joints))
         self._look(1.0 / RATE_HZ)
         self._node.destroy_subscription(heard)
         self._node.destroy_publisher(publisher)

@@ -1,5 +1,5 @@
-"""Ways out of a stop through the command gate: motion away passes, motion towards is blocked, OK is reached, levels do
-not flicker.
+"""Ways out of a stop through the command gate: motion away passes, no margin is lost, OK is reached, levels do not
+flicker.
 
 A robot moves beyond a limit, past the gate, and is stopped. From there, velocity commands in many directions go through
 the gate, each for a while. Then the robot follows the escape direction until its margins are large again, and is
@@ -22,20 +22,20 @@ from irsbot_supervisor.core.box_search import margins_of_bounds
 from irsbot_supervisor.core.margins import MARGIN_CAUSES, margins_of
 from irsbot_supervisor.core.reachable_box import position_error
 from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.core.stopping import release_of
 from irsbot_supervisor.gate.velocity_gate import DIP
 from irsbot_supervisor.sim.closed_loop import GuidedRobot
 from irsbot_supervisor.validation.harness.oracle import (
     Array,
     followed,
     good_postures,
-    limits,
     margins_along,
     supervised,
 )
 from irsbot_supervisor.validation.harness.rows import Job, Row, Tally
 
 NAME = "escape"
-MUST = "away moves, toward is blocked, OK is reached, no chatter"
+MUST = "away moves, no margin is lost, OK is reached, no chatter"
 
 DIRECTIONS = 16
 """Number of commands that are tried from every stopped state."""
@@ -47,16 +47,17 @@ RUN_BEATS = 200
 """Number of heartbeats after which a run that has met no limit is given up."""
 REST_BEATS = 16
 """Number of heartbeats in which dwell times pass and a slow robot comes to rest."""
+FOLLOWED_BEATS = 1000
+"""Number of heartbeats for which the escape direction is followed at most."""
 ESCAPE_BEATS = 1500
 """Number of heartbeats in which a robot at recovery speed has crossed any margin."""
-ONWARD_BEATS = 50
-"""Number of heartbeats for which a robot is moved on after a reset that was refused."""
+BACK_BEATS = 50
+"""Number of heartbeats for which a robot is moved towards its start after a reset that was refused."""
 CLEAR_SLOPE = 0.02
 """1/rad or 1/m: directions in which a margin changes less than this count as neither away nor towards."""
-PROBE = 1e-5
-"""rad or m: step of the differences."""
-BACK = 1.1
-"""1: share of the warning limits at which a robot counts as out of the limit."""
+PROBES = (1e-5, 1e-3)
+"""rad or m: steps of the differences. Away is where a margin grows from the first: where two legs are nearly equal, the
+other one may soon be the worst."""
 MOST_LEVELS = 4
 """Largest number of levels from a stop on: STOP, and after the reset at most WARN, OK, WARN. Earlier warnings belong to
 the run."""
@@ -66,6 +67,7 @@ class Stopped(NamedTuple):
     """A robot that moved beyond a limit and stands, latched."""
 
     guided: GuidedRobot
+    start: Array  # where it was OK, rad or m
     at: Posture  # where it truly is: on the branch on which it began, which not every robot can tell by a label
 
 
@@ -73,7 +75,7 @@ def run(job: Job) -> Row:
     """The row: a case is a stopped state, the same number for every robot."""
     tally = Tally(NAME, job)
     names = job.robots or supervised()
-    tally.figures.update({"away moved": 0.0, "toward blocked": 0.0, "reached OK": 0.0})
+    tally.figures.update({"away moved": 0.0, "toward without loss": 0.0, "moved back": 0.0, "reached OK": 0.0})
     for k, name in enumerate(names):
         rng = np.random.default_rng([job.seed, k])
         settings, robot = read_settings(name)
@@ -93,6 +95,8 @@ def stopped_robots(robot: Robot, settings: Settings, number: int, rng: np.random
             at = robot.mechanism.posture(tuple(start.tolist()), settings.assembly_mode)
             for _ in range(REST_BEATS):
                 guided.drift()
+            if guided.now.level >= Level.STOP:
+                continue  # a robot at rest there could not be stopped: there is nowhere to return to
             direction = rng.uniform(-1.0, 1.0, len(start))
             speed = rng.uniform(*SPEEDS) * np.array(settings.velocity_limit)
             rates = tuple((speed * direction / np.abs(direction).max()).tolist())
@@ -106,7 +110,7 @@ def stopped_robots(robot: Robot, settings: Settings, number: int, rng: np.random
                 at = _followed(guided, at)
             if guided.now.latched and guided.now.level == Level.STOP and _kinds(guided):
                 found += 1
-                yield Stopped(guided, at)
+                yield Stopped(guided, start, at)
 
 
 def _followed(guided: GuidedRobot, at: Posture) -> Posture:
@@ -120,11 +124,11 @@ def _followed(guided: GuidedRobot, at: Posture) -> Posture:
 
 def _try_directions(stopped: Stopped, rng: np.random.Generator, tally: Tally) -> tuple[str, str]:
     """Commands in all directions from a stopped state; returns what was unsafe, and what failed."""
-    guided, at = stopped
+    guided, _start, at = stopped
     settings, robot = guided.settings, guided.supervisor.robot
     start, speed = np.array(guided.drives.now.position), np.array(settings.velocity_limit)
     kinds = _kinds(guided)
-    most = DIP + PROBE + _uncertain(guided, kinds)
+    most = DIP + PROBES[0] + _uncertain(guided, kinds)
     unsafe = failed = ""
     for _ in range(DIRECTIONS):
         direction = rng.normal(size=len(start))
@@ -137,7 +141,8 @@ def _try_directions(stopped: Stopped, rng: np.random.Generator, tally: Tally) ->
             now = _kinds(tried)
             held.append([kind for kind in held[-1] if kind in now])  # what is no cause any more may fall to its limit
         found = margins_along(robot, settings, np.array(way), at)
-        lost = max([float((found[0, left] - now[left]).max()) for now, left in zip(found, held, strict=True) if left])
+        best = np.minimum(found[0], release_of(settings))  # a margin above its warning limit may fall to it
+        lost = max([float((best[left] - now[left]).max()) for now, left in zip(found, held, strict=True) if left])
         slopes = _slopes(stopped, direction)[kinds]
         tally.largest("most that was lost of a margin", lost)
         if not lost <= most:
@@ -147,7 +152,7 @@ def _try_directions(stopped: Stopped, rng: np.random.Generator, tally: Tally) ->
             tally.add("away moved", float(moved))
             failed = failed or ("" if moved else "motion away was held")
         elif slopes.min() < -CLEAR_SLOPE:
-            tally.add("toward blocked", float(lost <= most))
+            tally.add("toward without loss", float(lost <= most))
     return unsafe, failed
 
 
@@ -161,27 +166,21 @@ def _uncertain(guided: GuidedRobot, kinds: list[int]) -> float:
 
 
 def _lead_out(stopped: Stopped, tally: Tally) -> str:
-    """Follow the escape direction until the margins are large, then reset. Returns the fault, or empty."""
-    guided, at = stopped
-    settings, robot = guided.settings, guided.supervisor.robot
-    kinds = _kinds(guided)
-    speed, direction = settings.velocity_limit, guided.way_out
-    enough = BACK * limits(settings, "warn")[kinds]
-
-    def is_out() -> bool:
-        here = np.array([guided.drives.now.position])
-        return bool((margins_along(robot, settings, here, at)[0, kinds] >= enough).all())
-
-    beats, farther, refusal = 0, 0, "not requested"
-    while refusal and beats < ESCAPE_BEATS:  # a robot that could not be stopped if it were let go is moved on
-        while beats < ESCAPE_BEATS and (beats < farther or not is_out()):
-            direction = guided.way_out or direction
-            guided.beat(tuple(v * e for v, e in zip(speed, direction, strict=True)))
-            at = _followed(guided, at)
-            beats += 1
-        for _ in range(REST_BEATS):
-            guided.beat((0.0,) * len(speed))
-        refusal, farther = guided.reset(), beats + ONWARD_BEATS
+    """Follow the escape direction until there is none, then reset. If that is refused, or the direction leads nowhere,
+    move towards the start. Returns the fault, or empty."""
+    guided, start, _at = stopped
+    settings = guided.settings
+    speed, beats = np.array(settings.velocity_limit), 0
+    while beats < FOLLOWED_BEATS and (way := guided.way_out):
+        guided.beat(tuple((speed * way).tolist()))
+        beats += 1
+    refusal = _reset(guided)
+    tally.add("moved back", float(bool(refusal)))
+    while refusal and beats < ESCAPE_BEATS:
+        for _ in range(BACK_BEATS):
+            guided.beat(tuple((speed * (start - guided.drives.now.position)).tolist()))
+        beats += BACK_BEATS
+        refusal = _reset(guided)
     for _ in range(REST_BEATS):
         guided.drift()
     out = not guided.now.latched and guided.now.level <= Level.WARN
@@ -195,14 +194,22 @@ def _lead_out(stopped: Stopped, tally: Tally) -> str:
     return "" if levels <= MOST_LEVELS else f"the level changed {levels} times"
 
 
+def _reset(guided: GuidedRobot) -> str:
+    """Let the robot stand, then reset the stop. Returns the reason for a refusal, or empty."""
+    for _ in range(REST_BEATS):
+        guided.beat((0.0,) * len(guided.settings.velocity_limit))
+    return guided.reset()
+
+
 def _slopes(stopped: Stopped, direction: Array) -> Array:
-    """(4,) change of the true margins along a direction, 1/rad or 1/m; 0 if the robot does not have the margin."""
-    guided, at = stopped
+    """(4,) least change of the true margins along a direction, 1/rad or 1/m; 0 if the robot does not have the
+    margin."""
+    guided, _start, at = stopped
     start = np.array(guided.drives.now.position)
-    way = np.array([start - PROBE * direction, start, start + PROBE * direction])
+    way = np.array([start, *[start + step * direction for step in PROBES]])
     found = margins_along(guided.supervisor.robot, guided.settings, way, at)
     found = np.where(np.isfinite(found), found, 0.0)
-    return np.asarray((found[2] - found[0]) / (2.0 * PROBE))
+    return np.asarray(((found[1:] - found[0]) / np.array(PROBES)[:, None]).min(axis=0))
 
 
 def _kinds(guided: GuidedRobot) -> list[int]:
