@@ -75,6 +75,7 @@ ESTIMATORS = ("estimator", "estimator_faults", "estimator_silence")
 
 CORE: dict[str, tuple[str, ...]] = {
     "bypass": (*BYPASSES, *SUPERVISORS),
+    "escape": ("escape", *SUPERVISORS, "velocity_gate"),
     "latch": ("latch", *SUPERVISORS),
     "margins": ("policy", "settings", *SUPERVISORS, "stopping"),
     "policy": ("policy", *SUPERVISORS),
