@@ -50,6 +50,20 @@ def test_a_stop_names_cause_value_limit_and_a_way_out():
     assert (min(ahead.type1_margin), ahead.type2_margin)[kind] > (min(now.type1_margin), now.type2_margin)[kind]
 
 
+@bad
+def test_a_robot_whose_state_is_not_known_has_no_way_out(make, cause):
+    """Also while what stopped it counts."""
+    supervisor, q = ready(pose=BOUNDARY)
+    steps = feed(supervisor, [approach(q, ms, (-6.0, 0.0)) for ms in range(1, 75)])
+    stop = next(step.verdict for step in steps if step.verdict is not None and step.verdict.level == Level.STOP)
+    assert stop.escape_cause & stop.causes
+    assert supervisor.escape.direction
+    unknown = newest(feed(supervisor, [make(ms, q) for ms in range(75, 80)]))
+    assert unknown.level == Level.UNKNOWN
+    assert any(finding.level == Level.STOP for finding in unknown.findings)
+    assert (unknown.escape_direction, unknown.escape_cause) == ((), Cause.NONE)
+
+
 def test_a_stop_is_ended_by_its_number_and_work_goes_on():
     supervisor, q, verdict = stopped()
     answer = supervisor.step(reset(2400, verdict.event))
