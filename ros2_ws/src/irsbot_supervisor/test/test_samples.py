@@ -148,6 +148,16 @@ def test_if_no_time_is_left_all_that_waits_is_taken_at_once(node: FakeNode):
     assert stream.skipped == 5
 
 
+def test_of_the_samples_that_wait_behind_a_late_one_those_in_time_are_judged(node: FakeNode):
+    stream = stream_of(node)
+    node.now_ns = LATE_NS + 2_000_000
+    node.queue.waiting = [message(k * 1_000_000) for k in range(1, 6)]
+    stream.subscription.callback(message(0))
+    assert node.judged == [k * 1_000_000 for k in range(2, 6)]
+    assert stream.skipped == 2
+    assert not node.queue.waiting
+
+
 def test_a_late_sample_is_skipped_for_the_newest_that_waits(node: FakeNode):
     stream = stream_of(node)
     node.now_ns = LATE_NS + 2_000_000

@@ -25,7 +25,8 @@ BURST_S = 0.05
 """s of judging that may come at once: a process that was interrupted while it judged has not judged too much."""
 
 LATE_NS = 5_000_000
-"""ns: an older sample has waited here, or its sender is slow; the queue shows which."""
+"""ns: an older sample has waited here, or its sender is slow; the queue shows which. It is not judged if a newer one
+waits."""
 
 MOST_BYTES = 65_536
 """A joint state of a thousand joints fits; larger messages are not decoded, because that could take longer than the
@@ -77,26 +78,32 @@ class Samples:
             self._held = b""
             self.skipped += 1
         if self._time.grow(begin_ns) <= 0.0:  # taking the waiting samples costs less than a callback for each
-            self._held = self._newest() or data
+            waiting = [data, *self._waiting()]
+            self.skipped += len(waiting) - 1
+            self._held = waiting[-1]
             return
         sample = self._decoded(data)
-        if sample.received_ns - sample.stamp_ns > LATE_NS and (newest := self._newest()):
-            sample = self._decoded(newest)
+        waiting = self._waiting() if _is_late(sample) else []
+        for newer in map(self._decoded, waiting):
+            if _is_late(sample):
+                self.skipped += 1
+            else:
+                self._judge(sample)
+            sample = newer
         self._judge(sample)
         self._time.left -= (time.monotonic_ns() - begin_ns) / NS_PER_S
 
-    def _newest(self) -> bytes:
-        """The last waiting message, of at most a full queue; empty if there is none."""
-        newest = b""
+    def _waiting(self) -> list[bytes]:
+        """The waiting messages, at most a full queue."""
+        waiting: list[bytes] = []
         handle, kind = self.subscription.handle, self.subscription.msg_type
         with handle:
             for _ in range(self._depth):
                 found = handle.take_message(kind, True)
                 if found is None:
                     break
-                newest = found[0]
-                self.skipped += 1
-        return newest
+                waiting.append(found[0])
+        return waiting
 
     def _decoded(self, data: bytes) -> JointSample:
         received_ns, seen_ns = both_clocks(self._node)
@@ -107,3 +114,7 @@ class Samples:
         except CdrError as error:
             self._log.warning(f"joint state not read: {error}", throttle_duration_sec=1.0)
             return JointSample(0, received_ns, seen_ns, (), ())  # rejected for its names, and counted
+
+
+def _is_late(sample: JointSample) -> bool:
+    return sample.received_ns - sample.stamp_ns > LATE_NS
