@@ -213,6 +213,9 @@ send velocity
 send velocity fast
 send velocity nan
 send velocity 0.1 --seconds 0
+send escape now
+send escape --seconds 0
+send escape --seconds nan
 send trajectory nofile.csv
 send trajectory moving.csv
 send nonsense

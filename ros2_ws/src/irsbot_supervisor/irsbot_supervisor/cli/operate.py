@@ -143,8 +143,11 @@ def escape(
             raise Failed(f"there is no escape direction: the level is {stated.level.name}")
         passed = _asked(lambda: operator.send_escape(seconds))
         _tell_passed(stated.escape_direction, passed, operator.held, as_json)
-        if not as_json:
-            _tell(_asked(operator.verdict), as_json)
+        after = _asked(operator.verdict)
+        if not as_json and after.level == Level.STOP and not after.escape_direction:
+            out.print(f"nothing stops the robot any more: ./irsbot reset {after.event}")
+        elif not as_json:
+            _tell(after, as_json)
 
 
 @app.command()
