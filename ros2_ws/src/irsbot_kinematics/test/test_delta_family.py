@@ -304,3 +304,18 @@ def test_rails_of_ones_own_make_the_robots_of_the_family():
     )
     q = (2.3, 2.5, 0.4)
     np.testing.assert_array_equal(own.direct_all(q), ROBOTS["triaglide"].direct_all(q))
+
+
+@pytest.mark.parametrize("name", ["orthoglide", "linear_delta"])
+def test_the_clearance_does_not_depend_on_which_leg_is_the_first(name):
+    """Rails that are turned into each other: joints in turn give the turned pose."""
+    robot, m = ROBOTS[name], ROBOTS[name].mechanism
+    compared = 0
+    for q in random_joints(robot, np.random.default_rng(8), 400).tolist():
+        a, b, c = q
+        turned = [m.posture(joints, m.usual_assembly_mode) for joints in ((a, b, c), (b, c, a), (c, a, b))]
+        if all(at.status == Status.SOLVED for at in turned):
+            first, *others = map(m.clearance, turned)
+            assert others == pytest.approx([first] * 2, rel=SURE, abs=SURE)
+            compared += first > 0.01
+    assert compared > 20
