@@ -221,7 +221,9 @@ def test_who_goes_on_commanding_while_the_robot_brakes_is_let_out_as_well(name):
             braking += 1
             guided.beat(rates)
         start = np.array(guided.drives.now.position)
-        away = tuple(limits * guided.way_out)
+        at = guided.supervisor.robot.mechanism.posture(tuple(start.tolist()), guided.settings.assembly_mode)
+        away = limits * slopes(guided.supervisor.robot.mechanism, at, causes(guided)[0])
+        away = tuple((away / np.linalg.norm(away)).tolist())
         for _ in range(20):
             guided.beat(away)
         moved = (np.array(guided.drives.now.position) - start) @ np.array(away)
