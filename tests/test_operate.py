@@ -76,7 +76,7 @@ def test_commands_pass_the_gate_or_the_hold_is_reported(domain: int) -> None:
 def test_where_nothing_stops_the_robot_there_is_no_way_out(domain: int) -> None:
     done = irsbot(domain, "send", "escape", "--seconds", 0.1)
     assert done.returncode == 1
-    assert done.stderr.startswith("irsbot: there is no escape direction: the level is ")
+    assert re.match("irsbot: the verdict, .*, has no escape direction", done.stderr)
 
 
 def test_a_stopped_robot_is_led_out_along_its_escape_direction_and_reset(tmp_path: Path) -> None:
@@ -88,17 +88,17 @@ def test_a_stopped_robot_is_led_out_along_its_escape_direction_and_reset(tmp_pat
         suite.start(Node("simulated_joints", JOINTS, drives, GATED))
         operator.verdict()
         assert operator.set({"constraint_warn": 0.22, "constraint_stop": 0.2}).accepted
+        end_s = time.monotonic() + PATIENCE_S
         while not (stop := operator.verdict()).escape_direction:
-            pass
+            assert time.monotonic() < end_s, stop
         assert stop.escape_cause & Cause.CONSTRAINT
         done = irsbot(number, "send", "escape", "--seconds", 20)
         assert done.returncode == 0, done.stderr
-        assert re.fullmatch(
-            rf"passed, at most: .*\nnothing stops the robot any more: ./irsbot reset {stop.event}\n", done.stdout
-        )
+        assert re.match(r"passed, at most: -?0\.\d+ ", done.stdout)
         end_s = time.monotonic() + PATIENCE_S
         while not (answer := operator.reset(stop.event, "test: led out")).accepted:  # a busy machine may be silent
             assert time.monotonic() < end_s, answer.message
+            irsbot(number, "send", "escape", "--seconds", 1)
 
 
 def test_a_domain_without_a_supervisor_is_reported_in_one_line() -> None:

@@ -110,6 +110,27 @@ def test_all_margins_that_stop_grow_and_no_other_direction_serves_the_worst_of_t
     assert served, "no posture has a direction for all: the fixture proves nothing"
 
 
+@pytest.mark.parametrize(
+    ("name", "joints"),
+    [
+        ("rails2", (0.297843, 0.277615, 0.277583)),
+        ("ruu4", (-0.069172, -0.069813, -0.064438, -0.070447)),
+        ("rrr3_base", (2.30762, 1.93265, 2.04327)),
+        ("irsbot2_beta45", (-1.587, -1.5547)),
+    ],
+)
+def test_only_margins_that_grow_are_named(name: str, joints: tuple[float, ...]) -> None:
+    """Next to a Type 2 singularity there is a posture on one side alone; where two legs are equal, both count."""
+    settings, robot = settings_of(name)
+    at = robot.mechanism.posture(joints, settings.assembly_mode)
+    out = escape_of(robot.mechanism, at, [finding(cause) for cause in MARGIN_CAUSES], (0.0,) * len(joints))
+    assert bool(out.causes) == bool(out.direction)
+    ahead = robot.mechanism.track(tuple(np.add(joints, np.multiply(2e-5, out.direction)).tolist()), at)
+    for kind, cause in enumerate(MARGIN_CAUSES):
+        if out.causes & cause:
+            assert margins_of(ahead)[kind] > margins_of(at)[kind]
+
+
 def stuck(name: str) -> GuidedRobot:
     """A robot that stands beyond a stop limit, but not at a singularity."""
     settings, robot = settings_of(name)

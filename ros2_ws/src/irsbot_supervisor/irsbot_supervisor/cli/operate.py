@@ -24,7 +24,7 @@ Patience = Annotated[float, typer.Option(help="longest wait for an answer, s", m
 AsJson = Annotated[bool, typer.Option("--json", help="print JSON")]
 
 app = typer.Typer(
-    help="Send velocities or a trajectory through the command gate of a running suite.\n\n"
+    help="Send velocities, the way out of a stop or a trajectory through the command gate of a running suite.\n\n"
     "Example: irsbot send velocity 0.5 -0.5 --seconds 2",
     no_args_is_help=True,
     rich_markup_mode=None,
@@ -140,14 +140,16 @@ def escape(
     with _operator(domain, namespace, wait) as operator:
         stated = _asked(operator.verdict)
         if not stated.escape_direction:
-            raise Failed(f"there is no escape direction: the level is {stated.level.name}")
+            why = f": ./irsbot reset {stated.event} says what stops the robot" if stated.latched else ""
+            raise Failed(f"the verdict, {stated.level.name}, has no escape direction{why}")
         passed = _asked(lambda: operator.send_escape(seconds))
         _tell_passed(stated.escape_direction, passed, operator.held, as_json)
-        after = _asked(operator.verdict)
-        if not as_json and after.level == Level.STOP and not after.escape_direction:
-            out.print(f"nothing stops the robot any more: ./irsbot reset {after.event}")
-        elif not as_json:
-            _tell(after, as_json)
+        if not as_json:
+            after = _asked(operator.verdict)
+            if after.latched and not after.escape_direction:
+                out.print(f"no escape direction is left: ./irsbot reset {after.event}")
+            else:
+                _tell(after, as_json)
 
 
 @app.command()

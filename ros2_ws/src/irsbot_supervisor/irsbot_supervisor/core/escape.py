@@ -19,7 +19,7 @@ NEARLY = 0.1
 """1: a leg counts if its margin is above the smallest by less than this share: a robot that moves along the direction
 for a while would meet it."""
 
-TURNS = 64
+TURNS = 200
 """Largest number of steps towards the common direction: of two causes it is known after one."""
 
 
@@ -35,9 +35,10 @@ NO_ESCAPE = Escape((), 0)
 
 
 def escape_of(mechanism: Mechanism, at: Posture, found: Sequence[Finding], into_range: Floats) -> Escape:
-    """The way out of a stop: the direction in which the least growth of all margins that stop is largest. A cause that
-    has no direction in common with those that have a smaller margin is left out. Margins come before joint ranges: a
-    joint beyond its range still has a drive, a platform at a singularity has none.
+    """The way out of a stop: every margin that stops grows along it, and the smallest share of a margin's own steepest
+    growth is as large as it can be. A cause that has no direction in common with those that have a smaller margin is
+    left out. Margins come before joint ranges: a joint beyond its range still has a drive, a platform at a singularity
+    has none. A margin is named only if it is larger a small step ahead.
 
     into_range: per joint the sign of the motion back into its range.
     """
@@ -46,19 +47,25 @@ def escape_of(mechanism: Mechanism, at: Posture, found: Sequence[Finding], into_
     kinds = [kind for kind in range(len(here)) if any(cause & MARGIN_CAUSES[kind] for cause in stops)]
     kinds.sort(key=here.__getitem__)
     around = _neighbours(mechanism, at) if kinds else []
-    candidates = [(int(MARGIN_CAUSES[kind]), _steepest(at, around, kind)) for kind in kinds]
+    candidates = [_steepest(at, around, kind) for kind in kinds]
     if any(cause & Cause.POSITION for cause in stops):
-        candidates.append((int(Cause.POSITION), [into_range]))
-    causes = 0
+        candidates.append([into_range])
     served: list[Floats] = []
     direction: Floats = ()
-    for bit, ways in candidates:
+    for ways in candidates:
         units = [unit for way in ways if (unit := _unit(way))]
         for more in (units, units[:1]):
-            if more and (common := _unit(_common([*served, *more]), LEAST_GROWTH)):
-                causes, served, direction = causes | bit, [*served, *more], common
+            if more and (common := _common([*served, *more])):
+                served, direction = [*served, *more], common
                 break
-    return Escape(direction, causes)
+    if not direction:
+        return NO_ESCAPE
+    ahead = mechanism.track(tuple([q + PROBE * part for q, part in zip(at.joints, direction, strict=True)]), at)
+    then = margins_of(ahead) if ahead.status == Status.SOLVED else here
+    causes = sum([int(MARGIN_CAUSES[kind]) for kind in kinds if then[kind] > here[kind]])
+    if sum(map(mul, into_range, direction)) > 0.0 and any(cause & Cause.POSITION for cause in stops):
+        causes |= int(Cause.POSITION)
+    return Escape(direction, causes) if causes else NO_ESCAPE
 
 
 def _neighbours(mechanism: Mechanism, at: Posture) -> list[tuple[Posture, Posture]]:
@@ -70,26 +77,30 @@ def _neighbours(mechanism: Mechanism, at: Posture) -> list[tuple[Posture, Postur
 
 def _steepest(at: Posture, around: list[tuple[Posture, Posture]], kind: int) -> list[Floats]:
     """Gradients, 1/rad or 1/m, of a margin in those legs whose margin is the smallest or nearly so, the smallest first.
-    A neighbour without posture counts as margin 0."""
-
-    def margin(near: Posture, leg: int) -> float:
-        return margins_of_legs(near)[kind][leg] if near.status == Status.SOLVED else 0.0
-
+    Where a neighbour has no posture, the difference to the other one counts."""
     here = margins_of_legs(at)[kind]
     legs = sorted([leg for leg, one in enumerate(here) if one <= (1.0 + NEARLY) * min(here)], key=here.__getitem__)
-    return [tuple([(margin(up, leg) - margin(down, leg)) / (2.0 * PROBE) for up, down in around]) for leg in legs]
+
+    def slope(up: Posture, down: Posture, leg: int) -> float:
+        steps, change = 0, 0.0
+        for near, sign in ((up, 1.0), (down, -1.0)):
+            if near.status == Status.SOLVED:
+                steps, change = steps + 1, change + sign * (margins_of_legs(near)[kind][leg] - here[leg])
+        return change / (PROBE * steps) if steps else 0.0
+
+    return [tuple([slope(up, down, leg) for up, down in around]) for leg in legs]
 
 
-def _unit(vector: Sequence[float], least: float = 0.0) -> Floats:
-    """The vector with length 1; empty if its length is at most `least`, or no number."""
+def _unit(vector: Sequence[float]) -> Floats:
+    """The vector with length 1; empty if it has no length."""
     size = sqrt(sum([part * part for part in vector]))
-    return tuple([part / size for part in vector]) if least < size < inf else ()
+    return tuple([part / size for part in vector]) if 0.0 < size < inf else ()
 
 
 def _common(ways: list[Floats]) -> Floats:
-    """The shortest vector in the convex hull of unit vectors: its length is the least share of it along any of them,
-    and no other direction has a larger one. Weight goes from the vector with the largest share to the one with the
-    smallest, after Mitchell, Demyanov and Malozemov."""
+    """The direction whose least share along any of these unit vectors is largest; empty if that is at most
+    LEAST_GROWTH. It is that of the shortest vector in their convex hull: weight goes from the vector with the largest
+    share to the one with the smallest, after Mitchell, Demyanov and Malozemov."""
     shortest, weights = ways[0], [1.0] + [0.0] * (len(ways) - 1)
     for _ in range(TURNS):
         along = [sum(map(mul, way, shortest)) for way in ways]
@@ -102,4 +113,5 @@ def _common(ways: list[Floats]) -> Floats:
         weights[most] -= moved
         weights[least] += moved
         shortest = tuple([a + moved * b for a, b in zip(shortest, side, strict=True)])
-    return shortest
+    found = _unit(shortest)
+    return found if found and min([sum(map(mul, way, found)) for way in ways]) > LEAST_GROWTH else ()

@@ -39,8 +39,8 @@ class ReachableBox:
         return forward, backward
 
     def following(self, rates: Floats, first_s: float, last_s: float) -> tuple[list[float], list[float]]:
-        """rad or m: lowest and highest displacements of joints that keep their rates until they brake, from `first_s`
-        on until they stand, if they brake not later than `last_s`."""
+        """rad or m: lowest and highest displacements of joints that keep their rates and brake together between
+        `first_s` and `last_s`: from `first_s` on until they stand."""
         low, high = [], []
         for rate, (_gain, _fastest, brake) in zip(rates, self._limits, strict=True):
             begin, end = rate * first_s, rate * last_s + 0.5 * rate * abs(rate) / brake

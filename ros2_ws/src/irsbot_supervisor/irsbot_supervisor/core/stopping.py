@@ -131,8 +131,9 @@ class StoppingPredictor:
         return known
 
     def along(self, at: Posture, rates: Floats, prediction_delay_s: float, wanted: Margins) -> Margins:
-        """Certified smallest margins until standstill if every joint keeps its rate (rad/s or m/s) until it brakes, at
-        the latest after `prediction_delay_s` and the latency. Other behaviour of the drives is not covered."""
+        """Certified smallest margins until standstill if all joints keep their rates (rad/s or m/s) and brake at the
+        same time, at the latest after `prediction_delay_s` and the latency; each as hard as it likes, but not less than
+        its limit. Other behaviour of the drives is not covered: for the way out of a stop only."""
         return self._between(at, rates, 0.0, prediction_delay_s + self._latency, wanted, HALVINGS)
 
     def _between(

@@ -3,8 +3,8 @@
 On approach a command is scaled so that the robot can be stopped before the gate's limits, whatever its drives do from
 then on. These limits lie a little above the stop limits, so a robot commanded through the gate comes to rest before a
 STOP. Motion tangential to a limit passes; the component towards it is removed. After a STOP the robot moves at recovery
-speed. A margin that caused it and is below its warning limit must grow, and may not decrease again; one that is above
-stays above. In doubt the answer is a hold.
+speed. A margin that caused it and is below the end of its warning must not fall below the best value since; one that
+is above that end stays above. In doubt the answer is a hold.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import NamedTuple
 from irsbot_kinematics import Mechanism, Posture
 from irsbot_msgs_py.gate_status import GateOutcome, GateReason
 from irsbot_msgs_py.records import Cause, Floats, Level
-from irsbot_supervisor.core.box_search import margins_of_bounds
+from irsbot_supervisor.core.box_search import largest_margins, margins_of_bounds
 from irsbot_supervisor.core.estimation.estimate import Speeds
 from irsbot_supervisor.core.estimation.observer import excess
 from irsbot_supervisor.core.margins import MARGIN_CAUSES, Margins, margins_of, slopes
@@ -84,8 +84,8 @@ class Gate:
         self._beat_s, self._latency_s = settings.heartbeat_s, settings.latency_s
         self._lag_s = settings.heartbeat_s + settings.latency_s  # until the drives follow the next command
         self._stop = limits_of(settings, "stop")
-        self._inside = release_of(settings)
         self._keep = raised(self._stop, RESERVE)
+        self._inside = largest_margins(release_of(settings), self._keep)
         self._error = (position_error(settings),) * len(settings.velocity_limit)
         self._slack_m = settings.slack_m
         self._position = PositionLimits(settings, self._mechanism.joints)
@@ -138,7 +138,7 @@ class Gate:
 
     def _limits(self, view: View) -> Margins:
         """Margins that a motion from here must keep: the gate's limits or, on the way out, the best margins since the
-        stop as far as they are below their warning limits."""
+        stop as far as they are below the end of their warnings."""
         stopped_by = view.judgement.causes if view.judgement.level == Level.STOP else 0
         if view.judgement.level == Level.STOP:
             certified = margins_of_bounds(self._mechanism.certified_bounds(view.at, self._error, self._slack_m))

@@ -1,4 +1,5 @@
-"""Receives joint_states; if more samples come than can be judged, only the newest is judged."""
+"""Receives joint_states; if more samples come than can be judged, only the newest is judged; after a stall, only those
+that are not old."""
 
 from __future__ import annotations
 
@@ -39,7 +40,8 @@ computes with it."""
 
 
 class Samples:
-    """Passes samples to `judge` while open: all of them as long as time allows, then only the newest.
+    """Passes samples to `judge` while open: all of them as long as time allows, then only the newest. Of samples that
+    waited, those that are old when their turn comes are skipped for newer ones.
 
     The present position and speed decide whether the robot can still be stopped. Judging older samples would delay this
     decision, the heartbeat and the services.

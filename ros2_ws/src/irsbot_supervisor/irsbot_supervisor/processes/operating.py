@@ -24,7 +24,7 @@ from irsbot_msgs_py.cdr import decode_verdict
 from irsbot_msgs_py.convert import gate_status_record
 from irsbot_msgs_py.gate_status import GateOutcome, GateStatus
 from irsbot_msgs_py.process.fastdds import choose_transport
-from irsbot_msgs_py.records import Verdict
+from irsbot_msgs_py.records import Level, Verdict
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.processes.listener import LATCHED
 
@@ -108,9 +108,15 @@ class Operator:
 
     def send_escape(self, seconds: float) -> list[tuple[float, ...]]:
         """Follow the escape direction from verdict to verdict through the command gate for this time, or until there is
-        none. The gate makes it slow. Returns the velocities that passed. Raises NobodyThere."""
-        self.verdict()
-        return self._send(lambda: self._verdicts[-1].escape_direction, seconds)
+        none; wait while the state is UNKNOWN. The gate makes it slow. Returns the velocities that passed. Raises
+        NobodyThere."""
+        joints = len(self.verdict().escape_direction)
+
+        def way() -> Sequence[float]:
+            now = self._verdicts[-1]
+            return now.escape_direction or ((0.0,) * joints if now.level == Level.UNKNOWN else ())
+
+        return self._send(way, seconds)
 
     def _send(self, rates: Callable[[], Sequence[float]], seconds: float) -> list[tuple[float, ...]]:
         """Send the present velocities for this time or until there are none, then zero."""
@@ -129,7 +135,8 @@ class Operator:
             joints = len(now)
             publisher.publish(Float64MultiArray(data=now))
             self._look(1.0 / RATE_HZ)
-        publisher.publish(Float64MultiArray(data=[0.0] * joints))
+        if joints:
+            publisher.publish(Float64MultiArray(data=[0.0] * joints))
         self._look(1.0 / RATE_HZ)
         self._node.destroy_subscription(heard)
         self._node.destroy_publisher(publisher)
