@@ -75,7 +75,9 @@ def run(job: Job) -> Row:
     """The row: a case is a stopped state, the same number for every robot."""
     tally = Tally(NAME, job)
     names = job.robots or supervised()
-    tally.figures.update({"away moved": 0.0, "toward without loss": 0.0, "moved back": 0.0, "reached OK": 0.0})
+    tally.figures.update(
+        {"away moved": 0.0, "toward without loss": 0.0, "followed a way out": 0.0, "moved back": 0.0, "reached OK": 0.0}
+    )
     for k, name in enumerate(names):
         rng = np.random.default_rng([job.seed, k])
         settings, robot = read_settings(name)
@@ -175,6 +177,7 @@ def _lead_out(stopped: Stopped, tally: Tally) -> str:
         guided.beat(tuple((speed * way).tolist()))
         beats += 1
     refusal = _reset(guided)
+    tally.add("followed a way out", float(beats > 0))
     tally.add("moved back", float(bool(refusal)))
     while refusal and beats < ESCAPE_BEATS:
         for _ in range(BACK_BEATS):
