@@ -29,6 +29,7 @@ ROBOTS: dict[str, tuple[str, ...]] = {
     "delta_kinematics": DELTAS,
     "planar_columns": PLANAR,
     "planar_kinematics": PLANAR,
+    "planar_loop": PLANAR,
     "planar_pair": PLANAR,
     "sliding_platform": SLIDING,
     "turning_platform": ("rrr3", *SLIDING, *CRANKS),
@@ -49,6 +50,7 @@ OWN: dict[str, tuple[str, ...]] = {
     "irsbot2_space": ("irsbot2_space", "bounds_of_many", "design_check", "design_distal", "design_proximal"),
     "planar_columns": ("bounds_of_many",),
     "planar_kinematics": ("irsbot2", "planar_indices"),
+    "planar_loop": ("irsbot2", "planar_indices"),
     "planar_pair": ("irsbot2", "planar_indices", "bounds_of_many"),
     "rod_platform": ("rod_platform",),
     "rrr3": ("rrr3",),
@@ -74,10 +76,11 @@ BYPASSES = ("bypass", "bypass_record")
 ESTIMATORS = ("estimator", "estimator_faults", "estimator_silence")
 
 CORE: dict[str, tuple[str, ...]] = {
+    "box_search": ("stopping", "velocity_gate"),
     "bypass": (*BYPASSES, *SUPERVISORS),
     "escape": ("escape", *SUPERVISORS, "velocity_gate"),
     "latch": ("latch", *SUPERVISORS),
-    "margins": ("policy", "settings", *SUPERVISORS, "stopping"),
+    "margins": ("escape", "policy", "settings", *SUPERVISORS, "stopping"),
     "policy": ("policy", *SUPERVISORS),
     "position_limits": ("position_limits", *SUPERVISORS),
     "reachable_box": ("reachable_box", "stopping"),
@@ -86,6 +89,7 @@ CORE: dict[str, tuple[str, ...]] = {
     "settings": ("settings", "feasibility", "proposal"),
     "stop_monitor": ("stop_monitor", *SUPERVISORS),
     "stopping": ("stopping", "position_limits", "velocity_gate"),
+    "summary": ("summary",),
     "supervisor": (*SUPERVISORS, *BYPASSES, "branches", "sim_faults"),
     "validation": ("validation", *ESTIMATORS, *SUPERVISORS),
     "observer": ("observer", *ESTIMATORS, "velocity_gate"),

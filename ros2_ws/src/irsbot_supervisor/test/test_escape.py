@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from supervised import settings_of
 
-from irsbot_kinematics import Mechanism, Posture
+from irsbot_kinematics import Mechanism, Posture, Status
 from irsbot_msgs_py.records import Cause, Finding, Level
 from irsbot_supervisor.core.escape import LEAST_GROWTH, NEARLY, NO_ESCAPE, escape_of
 from irsbot_supervisor.core.margins import MARGIN_CAUSES, margins_of, margins_of_legs, slopes
@@ -129,6 +129,27 @@ def test_only_margins_that_grow_are_named(name: str, joints: tuple[float, ...]) 
     for kind, cause in enumerate(MARGIN_CAUSES):
         if out.causes & cause:
             assert margins_of(ahead)[kind] > margins_of(at)[kind]
+
+
+@pytest.mark.parametrize("name", ["orthoglide", "linear_delta", "rrr3"])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_margin_falls_towards_where_there_is_no_posture(name: str, sign: float) -> None:
+    """At the last posture that the first joint reaches, a margin beyond counts as 0."""
+    settings, robot = settings_of(name)
+    mechanism, mode = robot.mechanism, settings.assembly_mode
+    first, *others = good_postures(robot, settings, 1, np.random.default_rng(0))[0].tolist()
+
+    def at(q: float) -> Posture:
+        return mechanism.posture((q, *others), mode)
+
+    inner = outer = first
+    while at(outer).status == Status.SOLVED:
+        inner, outer = outer, outer + 0.02 * sign
+    for _ in range(40):
+        middle = 0.5 * (inner + outer)
+        inner, outer = (middle, outer) if at(middle).status == Status.SOLVED else (inner, middle)
+    for kind in (0, 1):
+        assert sign * slopes(mechanism, at(inner), kind)[0] < 0.0
 
 
 def stuck(name: str) -> GuidedRobot:
