@@ -86,6 +86,7 @@ CORE: dict[str, tuple[str, ...]] = {
     "reachable_box": ("reachable_box", "stopping"),
     "report": (*SUPERVISORS, "diagnostics"),
     "speaker": (*SUPERVISORS, *BYPASSES),
+    "seed_pose": ("branches", "supervisor_stops"),
     "settings": ("settings", "feasibility", "proposal"),
     "stop_monitor": ("stop_monitor", *SUPERVISORS),
     "stopping": ("stopping", "position_limits", "velocity_gate"),

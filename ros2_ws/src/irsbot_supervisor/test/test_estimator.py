@@ -91,6 +91,17 @@ def test_a_tolerance_narrows_the_bounds_and_without_one_nothing_does():
     assert silent == wide
 
 
+@pytest.mark.parametrize(("beyond", "right"), [(0.05, True), (0.15, False)])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_rate_may_exceed_what_the_positions_allow_by_its_tolerance(beyond, right, sign):
+    *before, last = moving((5.0 * sign, 0.0), (5.0 * sign, 0.0))
+    speeds = good(watch(estimator(), [*before, last])[-1]).speeds
+    rate = sign * (max(speeds.forward[0], speeds.backward[0]) + beyond)
+    answer = good(watch(estimator(velocity_tolerance=0.1), [*before, last._replace(velocity=(rate, 0.0))])[-1])
+    assert (answer.velocity[0] == rate) == right
+    assert (not answer.degraded) == right
+
+
 @pytest.mark.parametrize("stated", [(), (nan, -3.0), (0.0, -3.0), (5.0, 9.0)])
 def test_reported_velocities_with_a_wrong_part_narrow_no_bound(stated):
     plain = good(watch(estimator(), moving((5.0, -3.0), ()))[-1]).speeds

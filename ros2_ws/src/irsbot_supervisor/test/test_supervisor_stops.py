@@ -44,6 +44,7 @@ def test_a_stop_names_cause_value_limit_and_a_way_out():
     assert finding.text in stop.text
     assert np.hypot(*stop.escape_direction) == pytest.approx(1.0)
     at = next(step.state for step in steps if step.verdict is stop)
+    assert at.time_to_stop == 0.0
     kind = 0 if finding.cause & Cause.TYPE1 else 1
     ahead = supervisor.robot.evaluate(np.add(at.joint_position, np.multiply(1e-3, stop.escape_direction)))
     now = supervisor.robot.evaluate(at.joint_position)
