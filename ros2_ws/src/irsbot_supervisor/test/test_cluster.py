@@ -95,3 +95,9 @@ def test_results_in_order_end_with_one_sentence_where_the_scheduler_goes_away() 
         scheduler.kill()
         with pytest.raises(BadInput, match=f"{address} went away"):
             list(results)
+
+
+def test_a_thread_that_starts_late_stops_no_cluster(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a busy machine distributed waits too short a time for an event loop of its own."""
+    monkeypatch.setattr("distributed.utils._CollectErrorThread", lambda **_thread: None)
+    assert [answer.result for answer in run(neg, [1], Cluster(workers=1))] == [-1]

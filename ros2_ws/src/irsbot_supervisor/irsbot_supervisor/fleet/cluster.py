@@ -5,12 +5,15 @@ A job whose process ends is given to another one. Nothing here knows what a job 
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future
 from contextlib import contextmanager, suppress
 from itertools import chain, islice
+from threading import Thread
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 from irsbot_kinematics import BadInput
@@ -18,6 +21,7 @@ from irsbot_supervisor.fleet.version import code_version
 
 if TYPE_CHECKING:
     from distributed import Client
+    from tornado.ioloop import IOLoop
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
@@ -248,22 +252,49 @@ def _connected(cluster: Cluster) -> Iterator[Client]:
     except ImportError as error:
         raise BadInput(f"many jobs need {error.name}: 'pip install distributed'") from None
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # we say ourselves what matters
-    with dask.config.set({"distributed.comm.timeouts.connect": f"{ANSWER_S}s"}):
+    patience_s = START_S if cluster.scheduler is None else ANSWER_S
+    with dask.config.set({"distributed.comm.timeouts.connect": f"{patience_s}s"}):
         if cluster.scheduler is not None:
             with _client_of(cluster.scheduler) as client:
                 yield client
             return
         with (
+            _event_loop() as loop,
             LocalCluster(
                 n_workers=cluster.workers or os.cpu_count() or 1,
                 threads_per_worker=1,
                 dashboard_address=None,
                 scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},  # its server of figures finds a free port
                 silence_logs=logging.CRITICAL,
+                loop=loop,
             ) as local,
             Client(local, timeout=START_S) as client,
         ):
             yield client
+
+
+@contextmanager
+def _event_loop() -> Iterator[IOLoop]:
+    """An event loop in a thread of its own. The one that distributed starts itself must run within 10 s, which it does
+    not always do on a busy machine.
+    """
+    from tornado.ioloop import IOLoop
+
+    running = Future[tuple[IOLoop, asyncio.Event]]()
+
+    async def serve() -> None:
+        end = asyncio.Event()
+        running.set_result((IOLoop.current(), end))
+        await end.wait()
+
+    thread = Thread(target=lambda: asyncio.run(serve()), daemon=True, name="cluster")
+    thread.start()
+    loop, end = running.result(START_S)
+    try:
+        yield loop
+    finally:
+        loop.add_callback(end.set)
+        thread.join(START_S)
 
 
 @contextmanager
