@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Iterator
 from itertools import pairwise
 
@@ -62,7 +63,8 @@ def summaries(cell: Cell) -> Iterator[Summaries]:
 def test_a_summary_holds_the_newest_state_and_the_extremes_of_those_in_between(
     cell: Cell, summaries: Summaries
 ) -> None:
-    cell.say = lambda t: bad(t, position=(math.nan, math.nan)) if t // 10**6 % 200 < 20 else swinging(GOOD)(t)
+    swing = swinging(GOOD, time.time_ns())
+    cell.say = lambda t: bad(t, position=(math.nan, math.nan)) if t // 10**6 % 200 < 20 else swing(t)
     found = summaries.more(40)
     last = found[-1].state.sequence
     cell.wire.until(lambda: cell.states[-1].sequence >= last, "the states of the summaries")
@@ -122,7 +124,7 @@ def test_a_listener_to_summaries_alone_gets_them_whole(wire: Wire) -> None:
     (states,) = [one for one in cell.node.subscriptions if one.topic_name == "/supervisor/state"]
     cell.node.destroy_subscription(states)
     wire.until(lambda: not cell.node.count_subscribers("supervisor/state"))
-    cell.say = swinging(GOOD)
+    cell.say = swinging(GOOD, time.time_ns())
     summaries = Summaries(cell)
     summaries.listen()
     found = summaries.more(30)

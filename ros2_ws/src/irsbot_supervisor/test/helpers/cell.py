@@ -63,14 +63,25 @@ def resting(position: Floats) -> Say:
     return lambda stamp_ns: sample(stamp_ns, position)
 
 
-def swinging(middle: Floats) -> Say:
-    """Joints to and fro by 0.05 rad with up to 0.3 rad/s, one after the other: harmless, and never at rest together."""
-    size, pace = 0.05, 6.0
+def swinging(middle: Floats, begin_ns: int, end_ns: int | None = None) -> Say:
+    """From rest in the middle to and fro by 0.05 rad with at most 0.4 rad/s, one joint after the other, and back to
+    rest in the middle at an end: harmless, and in between never at rest together."""
+    size, pace, fade_s = 0.05, 6.0, 0.5
+
+    def grown(seconds: float) -> float:
+        share = min(max(seconds / fade_s, 0.0), 1.0)
+        return share * share * (3.0 - 2.0 * share)
+
+    def position(seconds: float) -> Floats:
+        left_s = math.inf if end_ns is None else (end_ns - begin_ns) * 1e-9 - seconds
+        now = size * grown(seconds) * grown(left_s)
+        phases = (pace * seconds + 0.5 * math.pi * joint for joint in range(len(middle)))
+        return tuple(q + now * math.sin(phase) for q, phase in zip(middle, phases, strict=True))
 
     def say(stamp_ns: int) -> JointSample:
-        phases = [pace * (stamp_ns % 10**12) * 1e-9 + 0.5 * math.pi * joint for joint in range(len(middle))]
-        position = tuple(q + size * math.sin(phase) for q, phase in zip(middle, phases, strict=True))
-        return sample(stamp_ns, position, tuple(size * pace * math.cos(phase) for phase in phases))
+        seconds, step = (stamp_ns - begin_ns) * 1e-9, 1e-4
+        ends = zip(position(seconds - step), position(seconds + step), strict=True)
+        return sample(stamp_ns, position(seconds), tuple((after - before) / (2.0 * step) for before, after in ends))
 
     return say
 
