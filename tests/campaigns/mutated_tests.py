@@ -13,6 +13,7 @@ EVERY_ROBOT = (
     "precision",
     "force_workspace",
     "geometry_errors",
+    "urdf",
     "conformance",
 )
 """Tests that take each shipped robot in turn."""
@@ -40,14 +41,23 @@ ROBOTS: dict[str, tuple[str, ...]] = {
 }
 """Mechanism -> robots that it is shown with, if not with the one of its own name."""
 
+DESIGNS = ("design_check", "design_sweep", "design_distal", "design_proximal")
+
 OWN: dict[str, tuple[str, ...]] = {
     "branched_platform": ("crank_platforms", "crank_branches", "rod_platform"),
     "crank_platform": ("crank_platforms", "crank_branches"),
     "delta_family": ("delta_family",),
     "delta_kinematics": ("delta_family",),
     "geometry_checks": ("geometry",),
-    "irsbot2": ("irsbot2", "planar_indices"),
-    "irsbot2_space": ("irsbot2_space", "bounds_of_many", "design_check", "design_distal", "design_proximal"),
+    "irsbot2": ("irsbot2", "irsbot2_space", "planar_indices"),
+    "irsbot2_space": (
+        "irsbot2_space",
+        "bounds_of_many",
+        "design_check",
+        "design_sweep",
+        "design_distal",
+        "design_proximal",
+    ),
     "planar_columns": ("bounds_of_many",),
     "planar_kinematics": ("irsbot2", "planar_indices"),
     "planar_loop": ("irsbot2", "planar_indices"),
@@ -91,6 +101,7 @@ CORE: dict[str, tuple[str, ...]] = {
     "stop_monitor": ("stop_monitor", *SUPERVISORS),
     "stopping": ("stopping", "position_limits", "velocity_gate"),
     "summary": ("summary",),
+    "view": ("velocity_gate",),
     "supervisor": (*SUPERVISORS, *BYPASSES, "branches", "sim_faults"),
     "validation": ("validation", *ESTIMATORS, *SUPERVISORS),
     "observer": ("observer", *ESTIMATORS, "velocity_gate"),
@@ -107,6 +118,6 @@ def tests_of(module: str) -> tuple[list[str], str]:
     if folder == "bounds":
         own = ("test_displacement", "test_box_rods", "test_quadratics", "test_bounds_of_many")
         return [KINEMATICS.format(test) for test in BOUNDS[name]], " or ".join((*ALL_KINDS, *own))
-    alone = OWN.get(name, ())
+    alone = dict.fromkeys((*OWN.get(name, ()), "geometry"))
     keyword = " or ".join([*ROBOTS.get(name, (name,)), *(f"test_{test}" for test in alone)])
     return [KINEMATICS.format(test) for test in dict.fromkeys((*alone, *EVERY_ROBOT))], keyword

@@ -71,6 +71,7 @@ def test_a_swept_design_is_judged_like_a_single_one():
             assert not (table["valid"][row] and table["zone_a"][row])
             continue
         verdict = check(g)
+        assert table["valid"][row]
         assert {zone: bool(table[f"zone_{zone}"][row]) for zone in ZONES} == verdict.zones
         for finding in verdict.findings:
             assert table[f"slack_{finding.name}"][row] == finding.larger - finding.smaller

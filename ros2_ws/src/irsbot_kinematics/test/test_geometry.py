@@ -166,6 +166,7 @@ MALFORMED = [
     ("{mechanism: orthoglide, geometry: {L: [2.0, 2.0], limits: [0.0, 4.0]}}", "L must be a number"),
     ("{mechanism: orthoglide, geometry: {L: 2.0, limits: [0.0, .nan]}}", "limits must be finite"),
     (f"{{mechanism: irsbot2, geometry: {LENGTHS.replace('0.3', '-0.3')}}}", "l1 > 0"),
+    ("{mechanism: orthoglide, geometry: {L: 2.0, limits: [4.0, 1.0]}}", "limits"),
     (f"{{mechanism: irsbot2, geometry: {LENGTHS.replace('0.3', '1' + '0' * 400)}}}", "l1"),
     (f"{{mechanism: irsbot2, geometry: {LENGTHS}, usual: 1}}", "usual"),
     (f"{{mechanism: irsbot2, geometry: {LENGTHS}, usual: {{working_mode: 1}}}}", "usual.working_mode"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import pi
 
 import irsbot2_3d as space
+import mpmath
 import numpy as np
 import pytest
 from irsbot2_3d import Design
@@ -14,6 +15,7 @@ from singular_points import constraint_points, held_by_arms
 import irsbot_kinematics as irs
 from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2
 from irsbot_kinematics.mechanisms.irsbot2 import _largest_normal_turn as largest_normal_turn
+from irsbot_kinematics.mechanisms.irsbot2 import _normal_over as normal_over
 from irsbot_kinematics.mechanisms.irsbot2_space.geometry import Irsbot2Geometry
 
 MARGIN_TOL = 1e-9
@@ -250,3 +252,37 @@ def test_nothing_is_promised_for_the_constraint_margin_if_a_leg_can_vanish():
         at = robot.posture(q)
         assert at.constraint > 0.0
         assert mechanism.certified_bounds(at, (1e-9, 1e-9)).constraint == 0.0
+
+
+@pytest.mark.parametrize("width", [1e-9, 0.3, 2.0])
+def test_the_bounds_of_a_rods_normal_hold_over_a_range_of_directions_and_are_its_derivatives_over_a_short_one(width):
+    """n(psi), the unit normal, with 30 digits: its derivatives are quotients of differences of 1e-8 rad."""
+    rng, loosest = np.random.default_rng(7), 0.0
+    for _ in range(150):
+        l2, D = rng.uniform(0.2, 2.0), rng.uniform(-1.0, 1.0)
+        c, middle, sign = rng.uniform(0.1, 0.98), rng.uniform(-0.95, 0.95), rng.choice((-1.0, 1.0))
+        low, high = max(middle - 0.5 * width, -1.0), min(middle + 0.5 * width, 1.0)
+        found = normal_over(l2, D, c, low, high)
+        assert found is not None
+        least, rate, bend = found
+
+        def normal(psi: mpmath.mpf, l2=l2, D=D, c=c) -> mpmath.matrix:
+            vector = mpmath.matrix([c * (l2 * mpmath.cos(psi) + D), -l2 * mpmath.sin(psi)])
+            return vector / mpmath.norm(vector)
+
+        with mpmath.workdps(30):
+            step = mpmath.mpf("1e-8")
+            for cosine in np.linspace(low, high, 9):
+                psi = sign * mpmath.acos(cosine)
+                before, here, after = (normal(psi + k * step) for k in (-1, 0, 1))
+                true = [
+                    float(abs(here[0])),
+                    float(mpmath.norm(after - before) / (2 * step)),
+                    float(mpmath.norm(before + after - 2 * here) / step**2),
+                ]
+                assert least <= true[0] * (1.0 + 1e-7) + 1e-7
+                assert rate >= true[1] * (1.0 - 1e-7)
+                assert bend >= true[2] * (1.0 - 1e-7)
+                loosest = max(loosest, true[0] - least, rate / true[1] - 1.0, bend / true[2] - 1.0)
+    if width < 1e-6:
+        assert loosest < 1e-6

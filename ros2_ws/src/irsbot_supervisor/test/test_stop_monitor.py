@@ -19,19 +19,19 @@ SEEN_NS, STAMP_NS = 10**9, 10**15
 
 
 class Stopped:
-    """joint_1 of irsbot2 at a rate, rad/s; stopped by the sample at 60 ms."""
+    """joint_1 of irsbot2 at a rate, rad/s, joint_2 at another; stopped by the sample at 60 ms."""
 
-    def __init__(self, rate: float = 6.0, begin: float = 0.0, **changes) -> None:
+    def __init__(self, rate: float = 6.0, begin: float = 0.0, *, other: float = 0.0, **changes) -> None:
         settings, robot = settings_of(**changes)
         self.monitor = StopMonitor(settings, robot.mechanism.joints)
         self._estimator = Estimator(settings, robot.mechanism.joints)
-        self._rate, self._begin, self._ms = rate, begin, 0
+        self._rate, self._begin, self._other, self._ms = rate, begin, other, 0
         self.findings: list[Finding] = []
 
-    def see(self, position: float) -> Estimate:
+    def see(self, position: float, second: float = 1.0) -> Estimate:
         stamp = self._ms * 10**6
         position = float(np.remainder(position + np.pi, tau) - np.pi)
-        sample = Accepted(STAMP_NS + stamp, STAMP_NS + stamp, SEEN_NS + stamp, (position, 1.0), (), ())
+        sample = Accepted(STAMP_NS + stamp, STAMP_NS + stamp, SEEN_NS + stamp, (position, second), (), ())
         estimate = self._estimator.update(sample)
         assert isinstance(estimate, Estimate)
         self.findings += self.monitor.look(estimate)
@@ -41,14 +41,15 @@ class Stopped:
     def run(self, brake: float = BRAKE, latency_s: float = LATENCY_S, rest_ms: int = 100) -> StopMonitor:
         """Steady motion, the stop, brakes that act when they do and as hard as they do, and rest."""
         for k in range(61):
-            estimate = self.see(self._begin + 1e-3 * k * self._rate)
+            estimate = self.see(self._begin + 1e-3 * k * self._rate, 1.0 + 1e-3 * k * self._other)
         self.monitor.begin(estimate)
         stop_s = latency_s + abs(self._rate) / brake
         for k in range(1, round(1e3 * stop_s) + rest_ms):
             t = min(1e-3 * k, stop_s)
             braking = max(t - latency_s, 0.0)
             way = self._rate * t - 0.5 * np.sign(self._rate) * brake * braking**2
-            self.see(self._begin + 0.06 * self._rate + way)
+            other = self._other * min(t, 0.5 * latency_s)  # stops within half of the latency
+            self.see(self._begin + 0.06 * self._rate + way, 1.0 + 0.06 * self._other + other)
         self._begin += 0.06 * self._rate + way
         return self.monitor
 
@@ -69,6 +70,16 @@ def test_a_stop_within_its_brakes_has_no_finding_and_is_measured(rate, at, harde
     # 1 ms of sampling, and what the last crawl below the standstill speed goes unnoticed.
     assert last.time_s == pytest.approx(time_s, abs=2e-3)
     assert last.time_s <= last.allowed_s + 1e-3
+
+
+@pytest.mark.parametrize("other", [-2.0, 2.0])
+@pytest.mark.parametrize("rate", [3.0, -3.0])
+def test_the_measured_joint_is_the_one_with_the_largest_share_of_its_allowance(rate, other):
+    """joint_2 takes half of the latency, joint_1 all that is allowed; shares, as both ways are far below 1 rad."""
+    last = Stopped(rate, other=other).run().last
+    assert last is not None
+    assert last.joint == "joint_1"
+    assert last.way == pytest.approx(3.0 * LATENCY_S + 9.0 / (2.0 * BRAKE), abs=1e-6)
 
 
 @pytest.mark.parametrize("rate", [11.0, -11.0])

@@ -51,6 +51,16 @@ def test_a_stop_names_cause_value_limit_and_a_way_out():
     assert (min(ahead.type1_margin), ahead.type2_margin)[kind] > (min(now.type1_margin), now.type2_margin)[kind]
 
 
+def test_the_text_of_a_verdict_begins_with_what_is_worst():
+    supervisor = supervisor_of(type1_warn=0.99, type2_stop=0.4, type2_warn=0.45)
+    verdict = newest(feed(supervisor, resting(0, 200, joints_of(supervisor, *BOUNDARY))))
+    assert [(one.cause, one.level) for one in verdict.findings] == [
+        (Cause.TYPE1, Level.WARN),
+        (Cause.TYPE2, Level.STOP),
+    ]
+    assert verdict.text == "; ".join(one.text for one in reversed(verdict.findings))
+
+
 @bad
 def test_a_robot_whose_state_is_not_known_has_no_way_out(make, cause):
     """Also while what stopped it counts."""

@@ -32,13 +32,11 @@ class Estimate(NamedTuple):
     velocity: Floats  # rad/s or m/s: as reported where positions allow it, else from positions; NaN if neither is known
     effort: Floats  # N m or N; empty when not measured
     speeds: Speeds  # certified bounds
+    prediction_delay_s: float  # s, without latency: age of the sample, and time until the next is judged
+    expected_s: float  # s: the part until the next sample has come and is judged
+    steady_s: float  # s for which samples have come without a silence; infinite if there was none
+    standing_s: float  # s for which no joint has moved faster than the standstill speed
     degraded: str = ""  # empty, or which statement about the message is not true
-    prediction_delay_s: float = (
-        0.0  # s: prediction delay without latency: age of the sample, and time until the next is judged
-    )
-    expected_s: float = 0.0  # s: the part until the next sample has come and is judged
-    steady_s: float = 0.0  # s for which samples have come without a silence; infinite if there was none
-    standing_s: float = 0.0  # s for which no joint has moved faster than the standstill speed
     branch_lost: str = ""  # empty, or why the branch is unknown from this sample on
     silence: Silence | None = None  # region that must be free of Type 2 for the branch to be known
     in_time_s: float | None = None  # if samples have come late: `prediction_delay_s` if they came as they are sent now
