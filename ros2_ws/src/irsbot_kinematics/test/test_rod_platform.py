@@ -64,3 +64,13 @@ def test_its_bounds_lie_near_those_written_by_hand(slack):
         shares.append((at.type2 - mine) / (at.type2 - theirs))
     assert len(shares) > 3
     assert max(shares) < 1.5
+
+
+def test_a_crank_along_its_rod_moves_the_rods_end_along_it_to_second_order_alone():
+    """l (1 - cos t) is the way of the end of a crank of length l."""
+    at = MINE.posture((0.3, 2.4, -1.7), 1)
+    travel = np.array([1e-3, 0.02, 0.1])
+    drives = MINE.travel_of(at._replace(levers=(0.0, 0.0, 0.0)), travel.tolist(), 0.0).drives
+    ways = OURS.geometry.l1 * (1.0 - np.cos(travel))
+    assert np.all(drives >= ways)
+    np.testing.assert_allclose(drives, ways, rtol=1e-3)

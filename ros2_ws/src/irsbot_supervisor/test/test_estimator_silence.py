@@ -95,6 +95,17 @@ def test_a_joint_that_went_out_and_back_was_farther_than_where_it_is():
     assert contains(answer, 0, begin + np.linspace(0.0, 0.42, 50))
 
 
+def test_a_joint_that_came_as_far_as_it_can_was_nowhere_else():
+    """At 12 rad/s for 60 ms, of which 0.35 rad or less may be doubted: it speeds up and is judged later."""
+    filter_ = estimator()
+    watch(filter_, moving((SPEED, 0.0), (), 0, 60))
+    begin = 0.059 * SPEED
+    answer = good(filter_.update(accepted(119, (begin + 0.06 * SPEED, 1.0), ())))
+    assert answer.silence is not None
+    assert begin - 0.02 < answer.silence.low[0] < begin
+    assert 0.0 < answer.silence.high[0] - (begin + 0.06 * SPEED) < 0.35
+
+
 def test_an_angle_may_have_gone_the_other_way_round():
     """4.2 rad back at 60 rad/s look like 2.1 rad forward."""
     settings, machine = settings_of()
