@@ -43,7 +43,7 @@ def judge(
 ) -> list[Finding]:
     settings = settings_of(**{**LIMITS, **changes})[0] if changes else SETTINGS
     still = Speeds((0.0, 0.0), (0.0, 0.0))
-    estimate = Estimate(1, 1, 1, AT.joints, velocity, (), still, 0.0, 0.0, steady_s, 0.0, degraded)
+    estimate = Estimate(1, 1, 1, AT.joints, velocity, (), still, 0.0, 0.0, steady_s, 0.0, 0.0, degraded)
     return Policy(settings, ROBOT.mechanism.joints).judge(
         estimate, Assessment(at, now, branch), certified, reaction, held
     )

@@ -142,7 +142,7 @@ def test_a_joint_that_can_reach_both_ends_of_its_range_has_no_way_back():
     settings, robot = settings_of("irsbot2", **RANGES)
     fast = Speeds((6.0, 6.0), (6.0, 0.0))
     near = (Q[0], Q[1] + 0.9 * ROOM)
-    estimate = Estimate(1, 1, 1, near, (0.0, 0.0), (), fast, 0.02, 0.0, inf, 0.0)
+    estimate = Estimate(1, 1, 1, near, (0.0, 0.0), (), fast, 0.02, 0.0, inf, 0.0, 0.0)
     limits = PositionLimits(settings, robot.mechanism.joints)
     assert len(limits.judge(estimate)) == 2
     assert limits.into_range(estimate) == (0.0, -1.0)

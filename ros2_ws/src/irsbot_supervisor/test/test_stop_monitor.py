@@ -82,6 +82,20 @@ def test_the_measured_joint_is_the_one_with_the_largest_share_of_its_allowance(r
     assert last.way == pytest.approx(3.0 * LATENCY_S + 9.0 / (2.0 * BRAKE), abs=1e-6)
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_joint_that_swings_back_beyond_where_the_stop_began_is_measured_by_its_longer_way(sign):
+    stopped = Stopped(0.5 * sign)
+    for k in range(61):
+        estimate = stopped.see(sign * 5e-4 * k)
+    stopped.monitor.begin(estimate)
+    ways = [*np.linspace(0.0, 6e-3, 15), *np.linspace(6e-3, -2e-4, 40), *[-2e-4] * 100]
+    for way in ways:
+        stopped.see(sign * (0.03 + way))
+    last = stopped.monitor.last
+    assert last is not None
+    assert last.way == pytest.approx(6e-3, abs=1e-9)
+
+
 @pytest.mark.parametrize("rate", [11.0, -11.0])
 def test_the_allowance_is_the_displacement_of_the_worst_drive(rate):
     """The speed is 11 rad/s and up to 12 certain; drives may speed up to 12 until the brakes act, 10 ms and one of

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import inf, sqrt
-from operator import add, mul, sub
+from operator import mul, sub
 from typing import NamedTuple
 
 from irsbot_kinematics import Mechanism, Posture, Status
 from irsbot_msgs_py.records import Cause, Finding, Floats, Level
-from irsbot_supervisor.core.margins import MARGIN_CAUSES, PROBE, margins_of, margins_of_legs
+from irsbot_supervisor.core.margins import MARGIN_CAUSES, PROBE, gradient, margins_of, margins_of_legs, neighbours
 
 LEAST_GROWTH = 0.05
 """1: in a common direction every margin grows at least by this share of its steepest growth. It is 0 if the directions
@@ -46,9 +46,10 @@ def escape_of(mechanism: Mechanism, at: Posture, found: Sequence[Finding], into_
     here = margins_of(at)
     kinds = [kind for kind in range(len(here)) if any(cause & MARGIN_CAUSES[kind] for cause in stops)]
     kinds.sort(key=here.__getitem__)
-    around = _neighbours(mechanism, at) if kinds else []
+    around = neighbours(mechanism, at) if kinds else []
     candidates = [_steepest(at, around, kind) for kind in kinds]
-    if any(cause & Cause.POSITION for cause in stops):
+    out_of_range = any(cause & Cause.POSITION for cause in stops)
+    if out_of_range:
         candidates.append([into_range])
     served: list[Floats] = []
     direction: Floats = ()
@@ -63,32 +64,21 @@ def escape_of(mechanism: Mechanism, at: Posture, found: Sequence[Finding], into_
     ahead = mechanism.track(tuple([q + PROBE * part for q, part in zip(at.joints, direction, strict=True)]), at)
     then = margins_of(ahead) if ahead.status == Status.SOLVED else here
     causes = sum([int(MARGIN_CAUSES[kind]) for kind in kinds if then[kind] > here[kind]])
-    if sum(map(mul, into_range, direction)) > 0.0 and any(cause & Cause.POSITION for cause in stops):
+    if out_of_range and sum(map(mul, into_range, direction)) > 0.0:
         causes |= int(Cause.POSITION)
     return Escape(direction, causes) if causes else NO_ESCAPE
 
 
-def _neighbours(mechanism: Mechanism, at: Posture) -> list[tuple[Posture, Posture]]:
-    """Per joint the postures a small step ahead and back."""
-    steps = [tuple([PROBE if j == joint else 0.0 for j in range(len(at.joints))]) for joint in range(len(at.joints))]
-    ends = [(tuple(map(add, at.joints, step)), tuple(map(sub, at.joints, step))) for step in steps]
-    return [(mechanism.track(ahead, at), mechanism.track(back, at)) for ahead, back in ends]
-
-
 def _steepest(at: Posture, around: list[tuple[Posture, Posture]], kind: int) -> list[Floats]:
-    """Gradients, 1/rad or 1/m, of a margin in those legs whose margin is the smallest or nearly so, the smallest first.
-    Where a neighbour has no posture, the difference to the other one counts."""
+    """Gradients, 1/rad or 1/m, of a margin in those legs whose margin is the smallest or nearly so, the smallest
+    first."""
     here = margins_of_legs(at)[kind]
     legs = sorted([leg for leg, one in enumerate(here) if one <= (1.0 + NEARLY) * min(here)], key=here.__getitem__)
 
-    def slope(up: Posture, down: Posture, leg: int) -> float:
-        steps, change = 0, 0.0
-        for near, sign in ((up, 1.0), (down, -1.0)):
-            if near.status == Status.SOLVED:
-                steps, change = steps + 1, change + sign * (margins_of_legs(near)[kind][leg] - here[leg])
-        return change / (PROBE * steps) if steps else 0.0
+    def margin(leg: int) -> Callable[[Posture], float]:
+        return lambda posture: margins_of_legs(posture)[kind][leg]
 
-    return [tuple([slope(up, down, leg) for up, down in around]) for leg in legs]
+    return [gradient(margin(leg), at, around, None) for leg in legs]
 
 
 def _unit(vector: Sequence[float]) -> Floats:

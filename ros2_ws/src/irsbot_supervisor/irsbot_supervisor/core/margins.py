@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import inf
 from typing import NamedTuple
 
@@ -56,13 +57,32 @@ def margins_of_legs(at: Posture) -> tuple[Floats, Floats, Floats, Floats]:
     return tuple(map(abs, at.normalised_levers)), tuple(at.cos_pressure), (at.constraint,), tuple(at.limb)
 
 
+def neighbours(mechanism: Mechanism, at: Posture) -> list[tuple[Posture, Posture]]:
+    """Per joint the postures a small step ahead and back."""
+
+    def moved(joint: int, step: float) -> Posture:
+        return mechanism.track(tuple([q + step if j == joint else q for j, q in enumerate(at.joints)]), at)
+
+    return [(moved(joint, PROBE), moved(joint, -PROBE)) for joint in range(len(at.joints))]
+
+
+def gradient(
+    value: Callable[[Posture], float], at: Posture, around: list[tuple[Posture, Posture]], beyond: float | None
+) -> Floats:
+    """Gradient of a value of postures with respect to the joints, 1/rad or 1/m, from the `neighbours`.
+
+    beyond: the value of a neighbour without posture; None: the difference to the other one counts, or 0.
+    """
+    here, found = value(at), []
+    for up, down in around:
+        ahead = value(up) if up.status == Status.SOLVED else beyond
+        behind = value(down) if down.status == Status.SOLVED else beyond
+        steps = (ahead is not None) + (behind is not None)
+        change = (here if ahead is None else ahead) - (here if behind is None else behind)
+        found.append(change / (PROBE * steps) if steps else 0.0)
+    return tuple(found)
+
+
 def slopes(mechanism: Mechanism, at: Posture, kind: int) -> Floats:
-    """Gradient of a margin with respect to the joints, 1/rad or 1/m; central differences. A neighbour without posture
-    counts as margin 0."""
-
-    def margin(joint: int, step: float) -> float:
-        moved = tuple([q + step if j == joint else q for j, q in enumerate(at.joints)])
-        near = mechanism.track(moved, at)
-        return margins_of(near)[kind] if near.status == Status.SOLVED else 0.0
-
-    return tuple([(margin(j, PROBE) - margin(j, -PROBE)) / (2.0 * PROBE) for j in range(len(at.joints))])
+    """Gradient of a margin with respect to the joints, 1/rad or 1/m. It falls towards where there is no posture."""
+    return gradient(lambda posture: margins_of(posture)[kind], at, neighbours(mechanism, at), 0.0)

@@ -36,8 +36,8 @@ class Estimate(NamedTuple):
     expected_s: float  # s: the part until the next sample has come and is judged
     steady_s: float  # s for which samples have come without a silence; infinite if there was none
     standing_s: float  # s for which no joint has moved faster than the standstill speed
+    judging_s: float  # s: the part of `expected_s` for judging
     degraded: str = ""  # empty, or which statement about the message is not true
     branch_lost: str = ""  # empty, or why the branch is unknown from this sample on
     silence: Silence | None = None  # region that must be free of Type 2 for the branch to be known
     in_time_s: float | None = None  # if samples have come late: `prediction_delay_s` if they came as they are sent now
-    judging_s: float = 0.0  # s: the part of `expected_s` for judging

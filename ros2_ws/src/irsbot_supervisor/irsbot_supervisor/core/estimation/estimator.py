@@ -260,11 +260,11 @@ class Estimator:
             wait.expected_s,
             self._intervals.steady_s(sample.seen_ns),
             standing_s,
+            wait.judging_s,
             degraded or velocities.fault,
             branch_lost or suspicion.branch_lost,
             silence,
             age_s + wait.usual_s if excused else None,
-            wait.judging_s,
         )
         self._before, self._last = self._last, estimate
         return estimate
