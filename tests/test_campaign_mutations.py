@@ -38,6 +38,21 @@ def test_a_survivor_of_an_earlier_run_is_reported_and_not_tried_again(tmp_path: 
     assert "0 of 1 killed" in done.stdout
 
 
+def test_every_listed_equivalent_mutant_is_found_and_excuses_no_other_line() -> None:
+    check = """
+import yaml
+import mutations
+for entry in yaml.safe_load(mutations.EQUIVALENT.read_text()):
+    made = mutations.mutants(entry["module"])
+    excused = [mutant for mutant in made if mutations.excused(mutant)]
+    assert any((mutant.before, mutant.after) == (entry["before"], entry["after"]) for mutant in excused), entry
+    assert {mutant.line for mutant in excused} < {mutant.line for mutant in made}
+    assert entry["reason"]
+"""
+    done = subprocess.run([sys.executable, "-c", check], cwd=SCRIPT.parent, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+
+
 def test_every_module_has_mutants_and_tests_that_exist() -> None:
     check = """
 import mutations

@@ -199,11 +199,10 @@ def _pytest(folder: Path, stated: Path, words: list[str]) -> None:
 
 def excused(mutant: Mutant) -> bool:
     """Whether the list of equivalent mutants holds it: by its module, its line's text and its change."""
+    source = (SRC / mutant.module.split("/")[0] / mutant.module).read_text(encoding="utf-8")
+    what = mutant.module, source.splitlines()[mutant.line - 1].strip(), mutant.before, mutant.after
     listed = yaml.safe_load(EQUIVALENT.read_text(encoding="utf-8")) or []
-    return any(
-        (entry["module"], entry["before"], entry["after"]) == (mutant.module, mutant.before, mutant.after)
-        for entry in listed
-    )
+    return what in [(entry["module"], entry["line"], entry["before"], entry["after"]) for entry in listed]
 
 
 class Judges:
