@@ -44,7 +44,7 @@ AMOUNTS = {
     "approach": 26,
     "swings": 6,
     "adversary": 9,
-    "clean": 4000,
+    "clean": 2000,
     "escape": 2,
     "delivery": 50,
     "stamps": 48,
@@ -157,7 +157,7 @@ def obliging(monkeypatch: pytest.MonkeyPatch) -> None:
         (careless, garbage.run, job(270)),
         (credulous, loci.run, job(8, "irsbot2")),
         (forgetful, loci.run, job(30, "irsbot2")),
-        (obliging, resets.run, job(600)),
+        (obliging, resets.run, job(200)),
     ],
 )
 def test_a_row_finds_a_broken_supervisor(
@@ -322,7 +322,7 @@ def test_rows_do_not_depend_on_where_they_run_or_on_a_worker_that_is_killed() ->
     orders = [
         Order(known["stamps"], 48, 5),
         Order(known["approach"], 2, 5, ("irsbot2",)),
-        Order(known["delivery"], 15, 5),
+        Order(known["delivery"], 5, 5),
     ]
     here = {row.name: row for row in run_rows(orders, 1, lambda _name, _cases: None)}
     with dask_cluster() as (address, _scheduler, nanny):

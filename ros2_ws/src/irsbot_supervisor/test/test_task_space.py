@@ -146,6 +146,6 @@ def test_a_path_of_the_platform_in_another_assembly_mode_is_not_certified_for_th
 
 def test_where_labels_do_not_tell_the_branch_the_path_of_the_platform_does():
     settings, robot = read_settings("ruu4")
-    for at in other_modes("ruu4", 4):
+    for at in other_modes("ruu4", 1)[:2]:
         found = certify_poses(robot, settings, [0.0], [at.pose])
         assert min(at.cos_pressure) - 0.02 <= found.minima[1][0] <= min(at.cos_pressure) + 1e-9

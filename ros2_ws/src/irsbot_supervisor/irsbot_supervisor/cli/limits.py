@@ -76,9 +76,10 @@ def limits(
         _numbers(acceleration, "--acceleration", shipped.get("acceleration_limit", ())),
         given("stamp_jitter_s", stamp_jitter),
     )
+    names = [joint.name for joint in machine.mechanism.joints]
+    ranges = _ranges(description, names) if description is not None else []
     proposed = propose(machine, robot, plant)
-    if description is not None:
-        proposed.proposals.extend(_ranges(description, [joint.name for joint in machine.mechanism.joints]))
+    proposed.proposals.extend(ranges)
     if as_json:
         print_json(
             {
