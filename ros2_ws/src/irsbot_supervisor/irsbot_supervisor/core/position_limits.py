@@ -12,7 +12,7 @@ from irsbot_supervisor.core.estimation.sample_interval import SETTLING
 from irsbot_supervisor.core.reachable_box import ReachableBox
 from irsbot_supervisor.core.settings import UNLIMITED, Settings
 
-SHARES = (0.0, *[0.5**k for k in range(7, -1, -1)])
+SHARES = tuple([0.5**k for k in range(7, -1, -1)])
 """1: shares of a commanded rate that are tried if the whole rate leads out of a range."""
 
 Followed = Callable[[Floats], tuple[Speeds, tuple[Floats, Floats]]]
