@@ -33,7 +33,7 @@ from irsbot_supervisor.validation.harness.case import Case
 from irsbot_supervisor.validation.harness.motion import work
 from irsbot_supervisor.validation.harness.rows import FALSE_STOPS, RECOVERY_S, TO_STOP_S, Entry, Job, Row, Tally
 from irsbot_supervisor.validation.harness.stream import WARM_UP, InputStream, prepared
-from irsbot_supervisor.validation.in_process import approach, clean, delivery, garbage, loci, stamps
+from irsbot_supervisor.validation.in_process import approach, clean, delivery, escape, garbage, loci, stamps
 from irsbot_supervisor.validation.registry import ENTRIES
 from irsbot_supervisor.validation.runner import Order, run_rows, run_rows_on
 from irsbot_supervisor.validation.with_nodes import resets
@@ -170,6 +170,13 @@ def test_a_row_finds_a_broken_supervisor(
     row = run(work)
     assert row.unsafe + row.failed > 0
     assert row.note
+
+
+def test_robots_that_are_led_nowhere_fail_the_row_escape(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(escape.GuidedRobot, "way_out", ())
+    row = escape.run(job(12, "five_bar"))
+    assert row.failed == 1
+    assert "were not led out" in row.note
 
 
 def test_a_supervisor_that_stops_too_early_has_false_stops_and_warns_at_work(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -58,6 +58,9 @@ CLEAR_SLOPE = 0.02
 PROBES = (1e-5, 1e-3)
 """rad or m: steps of the differences. Away is where a margin grows from the first: where two legs are nearly equal, the
 other one may soon be the worst."""
+LED_NOWHERE, FEW = 0.1, 2
+"""1: largest share of the robots that are still held at rest, of which a reset is refused where the escape direction
+ends; a row tolerates a few."""
 MOST_LEVELS = 4
 """Largest number of levels from a stop on: STOP, and after the reset at most WARN, OK, WARN. Earlier warnings belong to
 the run."""
@@ -76,7 +79,7 @@ def run(job: Job) -> Row:
     tally = Tally(NAME, job)
     names = job.robots or supervised()
     tally.figures.update(
-        {"away moved": 0.0, "toward without loss": 0.0, "followed a way out": 0.0, "moved back": 0.0, "reached OK": 0.0}
+        dict.fromkeys(("away moved", "toward without loss", "held at rest", "moved back", "reached OK"), 0.0)
     )
     for k, name in enumerate(names):
         rng = np.random.default_rng([job.seed, k])
@@ -85,6 +88,9 @@ def run(job: Job) -> Row:
             unsafe, failed = _try_directions(stopped, rng, tally)
             failed = failed or _lead_out(deepcopy(stopped), tally)
             tally.case(f"{name}: {unsafe}" if unsafe else "", f"{name}: {failed}" if failed else "")
+    held, back = tally.figures["held at rest"], tally.figures["moved back"]
+    if back > max(LED_NOWHERE * held, FEW):
+        tally.many(0, 1, f"{back:.0f} of {held:.0f} robots that were held at rest were not led out")
     return tally.row()
 
 
@@ -177,7 +183,7 @@ def _lead_out(stopped: Stopped, tally: Tally) -> str:
         guided.beat(tuple((speed * way).tolist()))
         beats += 1
     refusal = _reset(guided)
-    tally.add("followed a way out", float(beats > 0))
+    tally.add("held at rest", float(beats > 0 or bool(refusal)))
     tally.add("moved back", float(bool(refusal)))
     while refusal and beats < ESCAPE_BEATS:
         for _ in range(BACK_BEATS):
