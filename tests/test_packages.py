@@ -32,7 +32,7 @@ KEYS = {
 """Module -> rosdep key of an Ubuntu 24.04 package. ROS packages are their own keys."""
 
 WITHOUT_KEY = {"mcap", "lz4", "zstandard", "plotly", "polars", "rosbags", "websockets", "orjson", "foxglove"}
-WITHOUT_KEY |= {"dask", "distributed", "pinocchio"}
+WITHOUT_KEY |= {"dask", "distributed", "tornado", "pinocchio"}
 """Not packaged by Ubuntu 24.04 under a key that needs no pip; who needs one is told so in a sentence."""
 
 

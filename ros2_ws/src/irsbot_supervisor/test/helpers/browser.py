@@ -12,6 +12,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+import psutil
+
 PROGRAM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 FLAGS = [
     *("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-dev-shm-usage"),
@@ -57,8 +59,11 @@ class Browser:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        helpers = psutil.Process(self._process.pid).children(recursive=True)
         self._process.terminate()
         self._process.wait(20)
+        for left in psutil.wait_procs(helpers, 20)[1]:  # they write into the profile
+            left.kill()
         os.close(self._to)
         os.close(self._from)
 
