@@ -92,7 +92,7 @@ CORE: dict[str, tuple[str, ...]] = {
     "seed_pose": ("branches", "supervisor_stops"),
     "settings": ("settings", "feasibility", "proposal"),
     "stop_monitor": ("stop_monitor", *SUPERVISORS),
-    "stopping": ("stopping", "position_limits", "velocity_gate"),
+    "stopping": ("stopping", "position_limits", "quiet_boxes", "velocity_gate"),
     "summary": ("summary",),
     "view": ("velocity_gate",),
     "supervisor": (*SUPERVISORS, *BYPASSES, "branches", "sim_faults"),

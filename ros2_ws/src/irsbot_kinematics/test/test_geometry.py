@@ -36,6 +36,8 @@ BAD = [
     ("five_bar", {"b": nan}, "b must be finite", "nan", ""),
     ("five_bar", {"b": 1.3}, "b <= l1 + l2", "1.3", "1.2"),
     *((name, {"limits": (-0.1, 0.9)}, "limits[0] >= 0", "-0.1", "") for name in ("rpr3", "rails2")),
+    *(("rails2", {name: -0.1}, "min(L2, L3) > 0", "-0.1", "") for name in ("L2", "L3")),
+    ("rails3", {"L": (0.5, -0.1, 0.5)}, "min L > 0", "-0.1", ""),
 ]
 
 

@@ -162,6 +162,16 @@ def test_noise_at_full_speed_that_is_once_too_large_does_no_lasting_harm():
         assert not good(filter_.update(accepted(k, (0.012 * k, 1.0), (SPEED, 0.0)))).branch_lost
 
 
+@pytest.mark.parametrize("stated", [(10.0, 0.0), (10.0, nan), ()])
+def test_a_fast_joint_is_known_again_after_a_glitch_however_far_it_went_meanwhile(stated):
+    """30 ms at 10 rad/s: it went farther than the glitch jumped. joint_2 may say nothing of its speed."""
+    filter_ = estimator()
+    watch(filter_, moving((10.0, 0.0), stated, 0, 50))
+    for k in range(50, 80):
+        assert implausible(filter_.update(accepted(k, (0.01 * k + 0.25, 1.0), stated)))
+    assert not good(filter_.update(accepted(80, (0.8, 1.0), stated))).branch_lost
+
+
 # --- frozen encoders -------------------------------------------------------------------------------------------------
 
 

@@ -96,6 +96,14 @@ def test_a_joint_that_swings_back_beyond_where_the_stop_began_is_measured_by_its
     assert last.way == pytest.approx(6e-3, abs=1e-9)
 
 
+@pytest.mark.parametrize("rate", [12.0, -12.0])
+def test_brakes_may_begin_the_latency_after_a_verdict_that_takes_half_an_interval(rate):
+    """At full speed, where no drive speeds up; samples come every millisecond."""
+    stopped = Stopped(rate)
+    stopped.run(latency_s=LATENCY_S + 0.0005)
+    assert stopped.findings == []
+
+
 @pytest.mark.parametrize("rate", [11.0, -11.0])
 def test_the_allowance_is_the_displacement_of_the_worst_drive(rate):
     """The speed is 11 rad/s and up to 12 certain; drives may speed up to 12 until the brakes act, 10 ms and one of

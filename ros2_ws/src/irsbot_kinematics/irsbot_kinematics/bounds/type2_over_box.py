@@ -56,12 +56,10 @@ def _in_plane(n: int, rod: Vector, v: Vector) -> float:
         det = scaled(det, -1.0)
     cross = minus(multiplied(n, rod[0], v[1]), multiplied(n, rod[1], v[0]))
     d, tangent = least(n, det), 0.0
-    if not d > 0.0:
-        return 0.0
     dets, crosses = corner_values(n, det), corner_values(n, cross)
+    if not min(d, min(dets)) > 0.0:
+        return 0.0
     for k in range(len(dets)):
-        if not dets[k] > 0.0:
-            return 0.0
         tangent = max(tangent, abs(crosses[k] / dets[k]))
     c = 1.0 / hypot(1.0, tangent)
     s = tangent * c
