@@ -112,5 +112,5 @@ def tests_of(module: str) -> tuple[list[str], str]:
         own = ("test_displacement", "test_box_rods", "test_quadratics", "test_bounds_of_many")
         return [KINEMATICS.format(test) for test in BOUNDS[name]], " or ".join((*ALL_KINDS, *own))
     alone = dict.fromkeys((*OWN.get(name, ()), "geometry"))
-    keyword = " or ".join([*ROBOTS.get(name, (name,)), *(f"test_{test}" for test in alone)])
+    keyword = " or ".join([*ROBOTS.get(name, (name,)), *(f"test_{test}.py" for test in alone)])
     return [KINEMATICS.format(test) for test in dict.fromkeys((*alone, *EVERY_ROBOT))], keyword

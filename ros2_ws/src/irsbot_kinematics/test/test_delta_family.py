@@ -13,6 +13,7 @@ from irsbot_kinematics import Status
 from irsbot_kinematics.limbs import prpir_factors
 from irsbot_kinematics.mechanism import Mechanism
 from irsbot_kinematics.numerics.arithmetic import FLOATS
+from irsbot_kinematics.numerics.tolerances import FARTHEST
 
 FAMILY = ("orthoglide", "hybridglide", "triaglide", "uranesx")
 ROBOTS = {name: irs.make_robot(name) for name in (*FAMILY, "linear_delta")}
@@ -319,3 +320,20 @@ def test_the_clearance_does_not_depend_on_which_leg_is_the_first(name):
             assert others == pytest.approx([first] * 2, rel=SURE, abs=SURE)
             compared += first > 0.01
     assert compared > 20
+
+
+@pytest.mark.parametrize("name", ["linear_delta", "triaglide", "uranesx"])
+def test_slides_beyond_the_farthest_place_have_no_pose_also_where_their_rails_are_parallel(name):
+    """All three are about as far: their loops close."""
+    mechanism = irs.make_robot(name).mechanism
+    assert mechanism.posture((FARTHEST + 0.7, FARTHEST + 0.9, FARTHEST - 0.1), -1).status == Status.INVALID
+
+
+@pytest.mark.parametrize("name", ["hybridglide", "linear_delta", "orthoglide", "triaglide", "uranesx"])
+def test_a_regular_posture_takes_the_short_way(name, monkeypatch):
+    mechanism, rng = irs.make_robot(name).mechanism, np.random.default_rng(0)
+    ends = np.array([(joint.lower, joint.upper) for joint in mechanism.joints]).T
+    found = (Mechanism.posture(mechanism, tuple(rng.uniform(*ends).tolist()), -1) for _ in range(1000))
+    regular = next(at for at in found if at.status == Status.SOLVED and min(at.cos_pressure) > 0.3)
+    monkeypatch.setattr(Mechanism, "posture", None)
+    np.testing.assert_allclose(mechanism.posture(regular.joints, -1).pose, regular.pose, atol=1e-12)

@@ -173,10 +173,19 @@ def test_a_row_finds_a_broken_supervisor(
 
 
 def test_robots_that_are_led_nowhere_fail_the_row_escape(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(escape, "FEW", 0)
     monkeypatch.setattr(escape.GuidedRobot, "way_out", ())
     row = escape.run(job(12, "five_bar"))
     assert row.failed == 1
-    assert "were not led out" in row.note
+    assert "five_bar: " in row.note
+    assert "did not lead it out" in row.note
+
+
+@pytest.mark.parametrize(
+    ("held", "back", "fails"), [(0, 0, False), (2, 2, False), (3, 3, True), (10, 5, False), (10, 6, True)]
+)
+def test_half_of_the_robots_that_are_held_at_rest_must_be_led_out(held: int, back: int, fails: bool) -> None:
+    assert escape.led_nowhere(held, back) is fails
 
 
 def test_a_supervisor_that_stops_too_early_has_false_stops_and_warns_at_work(monkeypatch: pytest.MonkeyPatch) -> None:

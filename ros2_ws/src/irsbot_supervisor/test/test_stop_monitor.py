@@ -72,10 +72,10 @@ def test_a_stop_within_its_brakes_has_no_finding_and_is_measured(rate, at, harde
     assert last.time_s <= last.allowed_s + 1e-3
 
 
-@pytest.mark.parametrize("other", [-2.0, 2.0])
+@pytest.mark.parametrize("other", [-10.0, 10.0])
 @pytest.mark.parametrize("rate", [3.0, -3.0])
 def test_the_measured_joint_is_the_one_with_the_largest_share_of_its_allowance(rate, other):
-    """joint_2 takes half of the latency, joint_1 all that is allowed; shares, as both ways are far below 1 rad."""
+    """joint_2 goes farther, 0.05 rad in half of the latency, but may go much farther."""
     last = Stopped(rate, other=other).run().last
     assert last is not None
     assert last.joint == "joint_1"
@@ -83,7 +83,7 @@ def test_the_measured_joint_is_the_one_with_the_largest_share_of_its_allowance(r
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_joint_that_swings_back_beyond_where_the_stop_began_is_measured_by_its_longer_way(sign):
+def test_a_joint_that_swings_back_is_measured_by_the_way_that_takes_more_of_its_allowance(sign):
     stopped = Stopped(0.5 * sign)
     for k in range(61):
         estimate = stopped.see(sign * 5e-4 * k)

@@ -63,12 +63,14 @@ def summaries(cell: Cell) -> Iterator[Summaries]:
 def test_a_summary_holds_the_newest_state_and_the_extremes_of_those_in_between(
     cell: Cell, summaries: Summaries
 ) -> None:
-    swing = swinging(GOOD, time.time_ns())
+    begin_ns = time.time_ns()
+    swing = swinging(GOOD, begin_ns)
     cell.say = lambda t: bad(t, position=(math.nan, math.nan)) if t // 10**6 % 200 < 20 else swing(t)
     found = summaries.more(40)
     last = found[-1].state.sequence
     cell.wire.until(lambda: cell.states[-1].sequence >= last, "the states of the summaries")
-    cell.say = resting(GOOD)
+    cell.say = swinging(GOOD, begin_ns, time.time_ns() + 10**9)
+    cell.wire.until(lambda: cell.states[-1].joint_velocity == (0.0, 0.0) and cell.states[-1].joint_position == GOOD)
     states = {state.sequence: state for state in cell.states}
     spans = []
     for before, summary in pairwise(found):

@@ -57,7 +57,7 @@ def _in_plane(n: int, rod: Vector, v: Vector) -> float:
     cross = minus(multiplied(n, rod[0], v[1]), multiplied(n, rod[1], v[0]))
     d, tangent = least(n, det), 0.0
     dets, crosses = corner_values(n, det), corner_values(n, cross)
-    if not min(d, min(dets)) > 0.0:
+    if not min(d, min(dets)) > 0.0:  # d comes first: it is NaN if a number is not finite, and then min is NaN
         return 0.0
     for k in range(len(dets)):
         tangent = max(tangent, abs(crosses[k] / dets[k]))

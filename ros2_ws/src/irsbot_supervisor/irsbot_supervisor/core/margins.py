@@ -71,7 +71,8 @@ def gradient(
 ) -> Floats:
     """Gradient of a value of postures with respect to the joints, 1/rad or 1/m, from the `neighbours`.
 
-    beyond: the value of a neighbour without posture; None: the difference to the other one counts, or 0.
+    beyond: the value of a neighbour without posture. None: the difference between the posture and the other neighbour
+    counts, and the slope is 0 if neither has a posture.
     """
     here, found = value(at), []
     for up, down in around:

@@ -13,7 +13,7 @@ from irsbot_supervisor.core.reachable_box import ReachableBox
 from irsbot_supervisor.core.settings import UNLIMITED, Settings
 
 SHARES = tuple([0.5**k for k in range(7, -1, -1)])
-"""1: shares of a commanded rate that are tried if the whole rate leads out of a range."""
+"""1: shares of a commanded rate that are tried; the joint is held if all of them lead out of a range."""
 
 Followed = Callable[[Floats], tuple[Speeds, tuple[Floats, Floats]]]
 """Speeds of the joints after they have followed rates, and their least and largest displacement until then."""

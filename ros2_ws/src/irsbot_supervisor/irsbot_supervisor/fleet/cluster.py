@@ -11,7 +11,7 @@ import os
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from itertools import chain, islice
 from threading import Thread
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
@@ -34,6 +34,9 @@ ANSWER_S = 10.0
 
 START_S = 60.0
 """s until the processes of this machine must have started."""
+
+CONNECT = "distributed.comm.timeouts.connect"
+"""Dask's name of the time in which a process must be reached."""
 
 AHEAD = 4
 """Jobs per worker that are submitted: enough that none waits for the next one."""
@@ -252,31 +255,29 @@ def _connected(cluster: Cluster) -> Iterator[Client]:
     except ImportError as error:
         raise BadInput(f"many jobs need {error.name}: 'pip install distributed'") from None
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # we say ourselves what matters
-    patience_s = START_S if cluster.scheduler is None else ANSWER_S
-    with dask.config.set({"distributed.comm.timeouts.connect": f"{patience_s}s"}):
-        if cluster.scheduler is not None:
-            with _client_of(cluster.scheduler) as client:
-                yield client
-            return
-        with (
-            _event_loop() as loop,
-            LocalCluster(
-                n_workers=cluster.workers or os.cpu_count() or 1,
-                threads_per_worker=1,
-                dashboard_address=None,
-                scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},  # its server of figures finds a free port
-                silence_logs=logging.CRITICAL,
-                loop=loop,
-            ) as local,
-            Client(local, timeout=START_S) as client,
-        ):
+    with ExitStack() as started:
+        patience_s = START_S if cluster.scheduler is None else ANSWER_S
+        with dask.config.set({CONNECT: f"{patience_s}s"}):
+            if cluster.scheduler is not None:
+                client = started.enter_context(_client_of(cluster.scheduler))
+            else:
+                local = LocalCluster(
+                    n_workers=cluster.workers or os.cpu_count() or 1,
+                    threads_per_worker=1,
+                    dashboard_address=None,
+                    scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},  # its server of figures finds a free port
+                    silence_logs=logging.CRITICAL,
+                    loop=started.enter_context(_event_loop()),
+                )
+                client = started.enter_context(Client(started.enter_context(local), timeout=START_S))
+        with dask.config.set({CONNECT: f"{ANSWER_S}s"}):
             yield client
 
 
 @contextmanager
 def _event_loop() -> Iterator[IOLoop]:
     """An event loop in a thread of its own. The one that distributed starts itself must run within 10 s, which it does
-    not always do on a busy machine.
+    not always do on a busy machine. Raises BadInput where it does not run within START_S either.
     """
     from tornado.ioloop import IOLoop
 
@@ -284,12 +285,23 @@ def _event_loop() -> Iterator[IOLoop]:
 
     async def serve() -> None:
         end = asyncio.Event()
-        running.set_result((IOLoop.current(), end))
+        running.set_result((IOLoop.current(), end))  # raises after START_S: the loop ends at once
         await end.wait()
 
-    thread = Thread(target=lambda: asyncio.run(serve()), daemon=True, name="cluster")
+    def run() -> None:
+        try:
+            asyncio.run(serve())
+        except Exception as error:
+            if not running.done():
+                running.set_exception(error)
+
+    thread = Thread(target=run, daemon=True, name="cluster")
     thread.start()
-    loop, end = running.result(START_S)
+    try:
+        loop, end = running.result(START_S)
+    except TimeoutError:
+        running.cancel()
+        raise BadInput(f"this machine is too busy: a thread did not start within {START_S:g} s") from None
     try:
         yield loop
     finally:
@@ -304,6 +316,8 @@ def _client_of(address: str) -> Iterator[Client]:
 
     try:
         client = Client(address, timeout=ANSWER_S)
+    except AssertionError:
+        raise BadInput("this machine is too busy: a thread of Dask did not start within 10 s") from None
     except (OSError, ValueError) as error:  # a timeout is an OSError
         reason = "must be like tcp://host:8786" if isinstance(error, ValueError) else "'dask scheduler' starts one"
         raise BadInput(f"no Dask scheduler answers at {address}; {reason}") from None

@@ -62,8 +62,10 @@ class Browser:
         helpers = psutil.Process(self._process.pid).children(recursive=True)
         self._process.terminate()
         self._process.wait(20)
-        for left in psutil.wait_procs(helpers, 20)[1]:  # they write into the profile
-            left.kill()
+        left = psutil.wait_procs(helpers, 20)[1]  # they write into the profile
+        for helper in left:
+            helper.kill()
+        psutil.wait_procs(left, 20)
         os.close(self._to)
         os.close(self._from)
 

@@ -64,7 +64,7 @@ def resting(position: Floats) -> Say:
 
 
 def swinging(middle: Floats, begin_ns: int, end_ns: int | None = None) -> Say:
-    """From rest in the middle to and fro by 0.05 rad with at most 0.4 rad/s, one joint after the other, and back to
+    """From rest in the middle to and fro by 0.05 rad with at most 0.3 rad/s, one joint after the other, and back to
     rest in the middle at an end: harmless, and in between never at rest together."""
     size, pace, fade_s = 0.05, 6.0, 0.5
 
