@@ -66,6 +66,12 @@ def test_no_margin_is_switched_off_by_a_zero(name):
     assert name in refused(**{name: 0.0})
 
 
+@pytest.mark.parametrize("name", [f"{kind}_{which}" for kind in MARGIN_NAMES for which in ("stop", "warn")])
+def test_no_margin_limit_is_above_the_largest_margin(name):
+    """A margin is at most 1: with a higher limit a robot never moves."""
+    assert f"{name} is 1.1, must be in" in refused(**{name: 1.1})
+
+
 @pytest.mark.parametrize("word", ["", "Stop", "nothing", 0, True, ["none"]])
 def test_a_word_that_is_not_in_the_list_is_refused_with_the_list(word):
     assert "none, warn, stop" in refused(reaction_check=word) or "one value" in refused(reaction_check=word)
