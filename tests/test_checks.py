@@ -44,7 +44,8 @@ def test_files_with_nodes_come_first_then_slow_ones(tmp_path):
         test = f"import pytest\n\ndef test_first():\n    pass\n\n@pytest.mark.{mark}\ndef test_second():\n    pass\n"
         (tmp_path / f"test_{name}.py").write_text(test)
     command = [sys.executable, "-m", "pytest", "--collect-only", "-q", "-p", "no:cacheprovider"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    environment = {name: value for name, value in os.environ.items() if name != "PYTEST_ADDOPTS"}
+    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120)
     collected = [line for line in done.stdout.splitlines() if "::" in line]
     assert collected == [f"test_{name}.py::test_{which}" for name in "cbda" for which in ("first", "second")]
 
