@@ -34,6 +34,22 @@ def asymmetric() -> Posture:
     return settings_of("irsbot2")[1].mechanism.posture((Q[0] + 0.1, Q[1]), -1)
 
 
+@pytest.mark.parametrize("kind", range(3), ids=["type1", "type2", "constraint"])
+def test_slopes_are_derivatives_of_margins(kind: int) -> None:
+    """Against the difference of fourth order with ten times the step."""
+    mechanism, at, step = settings_of("irsbot2")[1].mechanism, asymmetric(), 1e-3
+
+    def margin(joint: int, away: float) -> float:
+        joints = tuple(q + away * (j == joint) for j, q in enumerate(at.joints))
+        return margins_of(mechanism.track(joints, at))[kind]
+
+    near = [margin(joint, step) - margin(joint, -step) for joint in range(2)]
+    far = [margin(joint, 2.0 * step) - margin(joint, -2.0 * step) for joint in range(2)]
+    derivatives = (8.0 * np.array(near) - far) / (12.0 * step)
+    assert np.abs(derivatives).max() > 0.01
+    assert slopes(mechanism, at, kind) == pytest.approx(derivatives, rel=1e-4, abs=1e-7)
+
+
 @pytest.mark.parametrize(
     ("found", "causes"),
     [
