@@ -51,6 +51,27 @@ with suppress(ImportError):  # where pytest-xdist is missing, nothing is spread
         return NodesTogether(config, log)
 
 
+class FailuresAtOnce:
+    """Prints the name of a failed test when it fails, not only at the end."""
+
+    def __init__(self, terminal: pytest.TerminalReporter) -> None:
+        self._terminal = terminal
+
+    @pytest.hookimpl(trylast=True)  # behind its letter
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """Hear of a phase of a test that has ended (a hook of pytest)."""
+        if report.failed:
+            self._terminal.write_line(f"\nfailed: {report.nodeid}")
+
+
+@pytest.hookimpl(trylast=True)  # after the terminal has been opened
+def pytest_configure(config: pytest.Config) -> None:
+    """Add what prints failures, in the process that has the terminal."""
+    terminal = config.pluginmanager.get_plugin("terminalreporter")
+    if terminal is not None and not hasattr(config, "workerinput"):
+        config.pluginmanager.register(FailuresAtOnce(terminal))
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Files with nodes first, then slow ones: a long file that begins last leaves the other processes idle."""
     items.sort(key=lambda item: (not _starts_nodes(item.path), not _is_slow(item.path)))

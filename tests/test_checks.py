@@ -10,6 +10,8 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).resolve().parents[1]
 
 
@@ -37,16 +39,29 @@ def test_all_tests_are_spread_over_the_cores_and_a_file_stays_in_one_process(mod
     assert "--dist=loadfile" in command
 
 
+def pytest_in(folder: Path, *arguments: str) -> str:
+    """What pytest prints for the tests in a folder, with the hooks of this project."""
+    shutil.copy(ROOT / "conftest.py", folder)
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *arguments]
+    environment = {name: value for name, value in os.environ.items() if name != "PYTEST_ADDOPTS"}
+    return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=120).stdout
+
+
+@pytest.mark.parametrize("spread", [[], ["--numprocesses=2"]], ids=["one process", "two processes"])
+def test_a_failed_test_is_named_at_once(tmp_path, spread):
+    (tmp_path / "test_a.py").write_text("def test_good():\n    pass\n\ndef test_bad():\n    assert False\n")
+    stated = pytest_in(tmp_path, "--no-summary", *spread)  # no list of failures at the end
+    assert stated.count("failed: test_a.py::test_bad") == 1
+    assert "failed: test_a.py::test_good" not in stated
+
+
 def test_files_with_nodes_come_first_then_slow_ones(tmp_path):
-    shutil.copy(ROOT / "conftest.py", tmp_path)
     (tmp_path / "pytest.ini").write_text("[pytest]\nmarkers =\n    ros\n    slow\n")
     for name, mark in (("a", "xfail"), ("b", "slow"), ("c", "ros"), ("d", "slow")):
         test = f"import pytest\n\ndef test_first():\n    pass\n\n@pytest.mark.{mark}\ndef test_second():\n    pass\n"
         (tmp_path / f"test_{name}.py").write_text(test)
-    command = [sys.executable, "-m", "pytest", "--collect-only", "-q", "-p", "no:cacheprovider"]
-    environment = {name: value for name, value in os.environ.items() if name != "PYTEST_ADDOPTS"}
-    done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120)
-    collected = [line for line in done.stdout.splitlines() if "::" in line]
+    stated = pytest_in(tmp_path, "--collect-only")
+    collected = [line for line in stated.splitlines() if "::" in line]
     assert collected == [f"test_{name}.py::test_{which}" for name in "cbda" for which in ("first", "second")]
 
 
