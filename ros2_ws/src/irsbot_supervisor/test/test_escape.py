@@ -92,6 +92,18 @@ def test_a_joint_range_does_not_lead_towards_a_margin_that_stops() -> None:
     assert out.direction == pytest.approx(steepest / np.linalg.norm(steepest))
 
 
+@pytest.mark.parametrize("share", [0.3, 0.5, 0.6])
+def test_a_joint_range_that_lies_between_the_opposites_of_two_margins_is_left_out(share: float) -> None:
+    """The three have no direction in common, though no two of them are opposite."""
+    mechanism, at = settings_of("irsbot2")[1].mechanism, asymmetric()
+    found = [finding(Cause.TYPE1), finding(Cause.CONSTRAINT)]
+    out = escape_of(mechanism, at, found, (0.0, 0.0))
+    assert out.causes == Cause.TYPE1 | Cause.CONSTRAINT
+    one, other = (np.array(slopes(mechanism, at, kind)) for kind in (0, 2))
+    against = -share * one / np.linalg.norm(one) - (1.0 - share) * other / np.linalg.norm(other)
+    assert escape_of(mechanism, at, [*found, finding(Cause.POSITION)], tuple(against.tolist())) == out
+
+
 def ascents(mechanism: Mechanism, at: Posture, kind: int) -> Array:
     """(K, n) one-sided gradients of a margin in the legs that are near to be the worst."""
     here = np.array(margins_of_legs(at)[kind])
