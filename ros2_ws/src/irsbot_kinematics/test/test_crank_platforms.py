@@ -52,6 +52,20 @@ def test_every_inverse_solution_closes_in_its_mode_and_its_pose_is_among_the_dir
             assert np.abs(closure(robot, q, pose)).max() < EXACT
 
 
+@every_robot
+def test_an_elevation_falls_at_most_by_the_turns_of_rod_and_crank(name):
+    """The slope of a sine is at most 1: its certified floor is no lower than the sine less the turns, and no higher
+    than the sine of the elevation that is left."""
+    robot, rng = ROBOTS[name], np.random.default_rng(13)
+    for q, x, _mode in random_poses(robot, rng, 10):
+        at, travel = robot.mechanism.at(tuple(q), tuple(x), 1, (0.0, 1.0)), rng.uniform(0.0, 0.02, len(q))
+        sines, turn = np.array(at.type1), rng.uniform(0.0, 0.02)
+        floors = np.array(robot.mechanism.sine_floors(at, travel.tolist(), turn))
+        left = np.arcsin(sines) - turn - travel
+        assert (floors >= np.maximum(sines - turn - travel, 0.0)).all()
+        np.testing.assert_allclose(floors, np.sin(np.maximum(left, 0.0)), rtol=0, atol=1e-12)
+
+
 def turns_by_scan(robot, q, steps=40_000):
     """Turns at which the legs can meet, from sign changes of the equation left when the position is eliminated, with
     numpy's own solvers."""

@@ -233,6 +233,24 @@ def test_the_least_cosine_of_rods_that_keep_their_directions_is_the_smallest_cos
         assert least_cosine(velocities, turns, [0.0] * 3, 0.0) == pytest.approx(min(cosines), rel=1e-12)
 
 
+@pytest.mark.parametrize("norm", [0.1, 0.5, 0.9])
+def test_the_least_cosine_counts_the_whole_series(norm):
+    """Errors of places alone, and legs that turn the platform alike: all rows of G are equal, and its powers add up to
+    G/(1 - norm)."""
+    velocities = np.random.default_rng(12).uniform(-1.0, 1.0, (3, 3, 2))
+    turn = 0.8
+    arm = norm / (3 * turn)
+    change = arm * turn / (1.0 - norm)
+    largest = []
+    for i in range(3):
+        own = velocities[i, i] / np.linalg.norm(velocities[i, i])
+        along = np.linalg.norm(velocities[i, i]) + change * np.abs(velocities[:, i] @ own).sum()
+        across = change * np.abs(velocities[:, i] @ (-own[1], own[0])).sum()
+        largest.append(np.hypot(along, across) + arm * turn * (1.0 + 3 * change))
+    found = least_cosine([[tuple(v) for v in leg] for leg in velocities.tolist()], [turn] * 3, [0.0] * 3, arm)
+    assert found == pytest.approx(1.0 / max(largest), rel=1e-12)
+
+
 def test_the_least_cosine_with_a_number_missing_proves_nothing():
     velocities, turns = whole(3, 1)
     assert least_cosine(velocities, turns, [1e-3] * 3, 1e-6) > 0.0
