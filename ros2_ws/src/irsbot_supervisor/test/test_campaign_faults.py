@@ -6,7 +6,7 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from threading import Thread
@@ -22,12 +22,14 @@ from rows_for_tests import break_down, end, not_met, tell_and_wait
 
 from irsbot_kinematics import BadInput
 from irsbot_msgs_py.records import Level
+from irsbot_supervisor.cli.faults import faults
 from irsbot_supervisor.configuration.loading import read_settings
 from irsbot_supervisor.core import assessment, margins
 from irsbot_supervisor.core import supervisor as pipeline
 from irsbot_supervisor.core import validation as intake
 from irsbot_supervisor.core.estimation import frozen, jumps
 from irsbot_supervisor.fleet.cluster import Cluster
+from irsbot_supervisor.validation import runner
 from irsbot_supervisor.validation.harness import oracle as truth
 from irsbot_supervisor.validation.harness.case import Case
 from irsbot_supervisor.validation.harness.motion import work
@@ -308,6 +310,20 @@ def test_the_command_runs_the_rows_that_are_named_and_writes_their_table(tmp_pat
     rows = json.loads(done.stdout)["rows"]
     assert [(row["name"], row["met"]) for row in rows] == [("approach", True), ("stamps", True)]
     assert "| approach | 2 | 0 | 0 |" in table.read_text()
+
+
+def test_an_interrupted_campaign_has_written_the_rows_that_were_done(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def interrupted(*_: object) -> Iterator[Row]:
+        yield Row("garbage", 7, 0, 0, {})
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(runner, "run_rows", interrupted)
+    table = tmp_path / "table.md"
+    with pytest.raises(KeyboardInterrupt):
+        faults(only=["stamps", "garbage"], output=table)
+    assert "| garbage | 7 | 0 | 0 |" in table.read_text()
 
 
 @pytest.mark.parametrize(

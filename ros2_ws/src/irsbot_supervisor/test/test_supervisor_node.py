@@ -120,13 +120,14 @@ def test_three_robots_side_by_side_are_each_judged_for_themselves(wire: Wire):
     cells[2].say = lambda t: bad(t, position=(math.nan, math.nan))
     wire.until(lambda: all(cell.states for cell in cells))
     cells[0].heard_level(Level.OK)
-    stop, unknown = cells[1].heard_level(Level.STOP), cells[2].heard(lambda v: bool(v.causes & Cause.NONFINITE))[-1]
-    assert stop.latched
+    near = cells[1].heard(lambda v: v.latched and bool(v.causes & Cause.TYPE2))[-1]
+    unknown = cells[2].heard(lambda v: bool(v.causes & Cause.NONFINITE))[-1]
+    assert near.level >= Level.STOP  # UNKNOWN if a late sample has lost the branch
     assert unknown.level == Level.UNKNOWN
     assert not any(verdict.level == Level.OK for cell in cells[1:] for verdict in cell.verdicts)
     assert not any(verdict.latched for cell in (cells[0], cells[2]) for verdict in cell.verdicts)
-    assert cells[1].reset(stop.event).message.startswith("the cause is still there")
-    assert cells[0].reset(stop.event).message.startswith("nothing to reset")
+    assert not cells[1].reset(near.event).accepted
+    assert cells[0].reset(near.event).message.startswith("nothing to reset")
 
 
 def test_simulated_time_may_pause_and_start_again(wire: Wire):

@@ -32,7 +32,9 @@ def faults(
         int | None, typer.Option(help="rows that run at the same time on this machine; one if left out", min=1)
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="write the table here, as Markdown")] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="write the table here, as Markdown, after every row")
+    ] = None,
 ) -> None:
     """Try faults against the supervision and count wrong reactions. Exit code 1 if a row is not met.
 
@@ -65,13 +67,13 @@ def faults(
         for row in ready:
             bars.update(tasks[row.name], total=max(row.amount, 1), completed=max(row.amount, 1))
             rows.append(row)
-    rows.sort(key=lambda row: list(known).index(row.name))
+            rows.sort(key=lambda row: list(known).index(row.name))
+            if output is not None:  # after every row: all of them take hours
+                output.write_text(_markdown(rows, known), encoding="utf-8")
     if as_json:
         print_json({"seed": seed, "quick": quick, "rows": [{**row._asdict(), "met": row.ok} for row in rows]})
     else:
         out.print(_table(rows, known))
-    if output is not None:
-        output.write_text(_markdown(rows, known), encoding="utf-8")
     if broken := [row for row in rows if not row.ok]:
         raise Failed(f"not met: {'; '.join(f'{row.name} ({row.note})' for row in broken)}")
 
