@@ -32,7 +32,7 @@ LIMITS = [{"of": MARGINS[1], "kind": "stop", "value": 0.4}]
 
 
 PLOTTED = """(line) => {
-    const canvas = element("margins"), at = sized(canvas), { left, right } = frame(at.width, at.em);
+    const canvas = element("margins"), at = Sizes.get(canvas), { left, right } = frame(at.width, at.em);
     const dots = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
     const probe = document.createElement("canvas").getContext("2d");
     probe.fillStyle = style(line).colour;
@@ -104,6 +104,7 @@ def tell(browser: Browser, rows: list[list[Any]], t: float, setup: dict[str, Any
 
 def plotted(browser: Browser, line: int) -> list[list[float] | None]:
     """For each column of dots of the margins' plot, the highest and the lowest dot of a line, counted from the top."""
+    # The sizes of the last picture: `sized` would wipe the canvas where the page is about to measure it again.
     found: list[list[float] | None] = browser.run(f"({PLOTTED})({line})")
     return found
 
@@ -128,7 +129,7 @@ def test_a_picture_put_together_shows_what_a_whole_one_does(opened: Browser) -> 
     known = [t for t in times if not 40.0 < t < 42.0]
     tell(opened, [row(t, [0.6 + 0.2 * sin(2 * pi * t / 7.0)]) for t in known], 0.0)
     together = plotted(opened, 0)
-    opened.run("Roll.key = Ground.key = ''; show()")
+    opened.run("Live.frameAt = performance.now(); Roll.key = Ground.key = ''; show()")
     whole = plotted(opened, 0)
     assert len(together) == len(whole) > 300
     ends = [(a, b) for a, b in zip(together, whole, strict=True) if a and b]
@@ -149,7 +150,7 @@ def test_the_path_of_the_last_seconds_is_drawn_and_an_older_one_is_gone(opened: 
         return [...canvas.getContext("2d").getImageData(Math.round(x), Math.round(y), 1, 1).data]; }})()"""
     before = opened.run(shown)
     tell(opened, [row(k / HZ, [0.5], pose=later) for k in range(20 * HZ, 36 * HZ)], 0.0)
-    opened.run("Ground.drawn = -Infinity; show()")
+    opened.run("Live.frameAt = performance.now(); Ground.drawn = -Infinity; show()")
     after = opened.run(shown)
     assert before[3] == 255
     assert before != after
