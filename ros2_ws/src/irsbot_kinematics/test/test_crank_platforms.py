@@ -5,12 +5,14 @@ Loop closures and derivatives are written once more in the oracles, from the dra
 
 from __future__ import annotations
 
+from itertools import product
 from math import cos, pi, sin
 
 import numpy as np
+import pytest
 from cranks import EXACT, ROBOTS, close, closure, every_robot, gradients, layout, random_poses
 
-from irsbot_kinematics import Status
+from irsbot_kinematics import Status, make_robot
 from irsbot_kinematics.numerics.arithmetic import FLOATS
 from irsbot_kinematics.numerics.assembly_roots import SAMPLED_TURNS, planar_closing, trigonometric_roots
 
@@ -105,6 +107,30 @@ def test_no_pose_is_missed_and_none_is_invented(name):
         np.testing.assert_allclose(turns, turns_by_scan(robot, q), atol=1e-3)
         counts.append(len(turns))
     assert len(set(counts)) >= 2
+
+
+def test_a_candidate_that_polishing_leads_to_another_pose_is_not_counted_as_one():
+    """A 3-RPR next to a double root. The signs of det A over all poses add up to nothing, by continuity."""
+    mechanism = make_robot("rpr3").mechanism
+    poses = mechanism.assemblies(np.array([[0.2004730448536717], [0.3136544973006788], [0.3089184205670864]]))
+    signs = np.sign(poses.det[poses.valid])
+    assert len(signs) == 4
+    assert signs.sum() == 0.0
+
+
+@every_robot
+def test_the_error_of_a_rods_end_is_that_of_the_worst_machine(name):
+    """Both places and the crank's length are off, each number by the slack or against it."""
+    mechanism, slack = ROBOTS[name].mechanism, 1e-4
+    dim = 3 if name == "4-RUU" else 2
+    worst = 0.0
+    for angle in np.linspace(0.0, 2.0 * pi, 721):
+        crank = np.array([cos(angle), sin(angle), 0.0][:dim])
+        for foot, corner in product(product((-1.0, 1.0), repeat=dim), repeat=2):
+            for longer in (-1.0, 1.0):
+                worst = max(worst, float(np.linalg.norm(np.array(foot) - np.array(corner) + longer * crank)))
+    ends, _, _ = mechanism.geometry_errors(slack)
+    assert ends == pytest.approx(worst * slack, rel=1e-9)
 
 
 def test_two_poses_that_share_a_turn_are_both_found():

@@ -258,5 +258,9 @@ def test_the_least_cosine_with_a_number_missing_proves_nothing():
         broken = [list(row) for row in velocities]
         broken[j][i] = (np.nan, 0.0)
         assert least_cosine(broken, turns, [1e-3] * 3, 1e-6) == 0.0
+    for i in range(3):
+        still = [list(row) for row in velocities]
+        still[i][i] = (0.0, 0.0)  # of no posture: a rod that yields moves its own place
+        assert least_cosine(still, turns, [1e-3] * 3, 1e-6) == 0.0
     assert least_cosine(velocities, turns, [np.nan, 0.0, 0.0], 0.0) == 0.0
     assert least_cosine(velocities, [0.0, np.nan, 0.0], [0.0] * 3, 0.0) == 0.0

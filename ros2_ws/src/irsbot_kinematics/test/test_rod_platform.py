@@ -74,3 +74,18 @@ def test_a_crank_along_its_rod_moves_the_rods_end_along_it_to_second_order_alone
     ways = OURS.geometry.l1 * (1.0 - np.cos(travel))
     assert np.all(drives >= ways)
     np.testing.assert_allclose(drives, ways, rtol=1e-3)
+
+
+@pytest.mark.parametrize("turn_rad", [0.0, 0.3, 0.9, 1.2, 1.5, 1.6, 2.5, 3.2, 4.0, 5.5, 6.2])
+def test_the_floor_of_a_sine_is_what_the_worst_turn_leaves(turn_rad):
+    """The smallest |sin| of all angles that are no farther off than the turn."""
+    at = MINE.posture((0.3, 2.4, -1.7), 1)._replace(normalised_levers=(0.2, -0.97, 1.0))
+    angles = np.arcsin(at.type1)[:, None] + np.linspace(-turn_rad, turn_rad, 20001)
+    least = np.abs(np.sin(angles)).min(axis=1)
+    np.testing.assert_allclose(MINE.sine_floors(at, (0.0,) * 3, turn_rad), least, atol=5e-4)
+
+
+@pytest.mark.parametrize("turn_rad", [np.inf, np.nan])
+def test_no_sine_is_left_of_a_turn_that_is_no_number(turn_rad):
+    at = MINE.posture((0.3, 2.4, -1.7), 1)
+    assert MINE.sine_floors(at, (0.0,) * 3, turn_rad) == (0.0,) * 3

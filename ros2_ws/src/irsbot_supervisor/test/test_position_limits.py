@@ -148,6 +148,22 @@ def test_a_joint_that_can_reach_both_ends_of_its_range_has_no_way_back():
     assert limits.into_range(estimate) == (0.0, -1.0)
 
 
+@pytest.mark.parametrize("joint", [0, 1])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_finding_names_the_limit_and_how_far_beyond_it_the_joint_may_get(joint: int, sign: float):
+    settings, robot = settings_of("irsbot2", **RANGES)
+    along = np.eye(2)[joint]
+    at = np.add(Q, 0.99 * sign * ROOM * along)
+    fast = 2.0 * along
+    speeds = Speeds(tuple(fast), (0.0, 0.0)) if sign > 0.0 else Speeds((0.0, 0.0), tuple(fast))
+    estimate = Estimate(1, 1, 1, tuple(at), (0.0, 0.0), (), speeds, 0.001, 0.0, inf, 0.0, 0.0)
+    (finding,) = PositionLimits(settings, robot.mechanism.joints).judge(estimate)
+    assert finding.limit == Q[joint] + sign * ROOM
+    braking = 2.0**2 / (2.0 * settings.deceleration_limit[joint])
+    assert sign * (finding.value - at[joint]) >= braking
+    assert f"{finding.value:.4g} rad before standstill, limit {finding.limit:.4g}" in finding.text
+
+
 def test_after_a_first_sample_only_the_place_counts():
     supervisor = supervisor_of(**RANGES)
     state = supervisor.step(sample(0, Q)).state

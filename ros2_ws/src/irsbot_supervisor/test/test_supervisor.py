@@ -61,7 +61,8 @@ def test_a_robot_that_rests_in_a_good_posture_is_ok_when_samples_have_settled_an
 
 def test_the_state_of_a_sample_agrees_with_the_library():
     supervisor, q = ready(pose=(0.1, -0.8))
-    state = supervisor.step(sample(0, q, effort=(1.0, 2.0))).state
+    state = supervisor.step(sample(4, q, effort=(1.0, 2.0), age_ms=3.0)).state
+    assert state.sample_age == pytest.approx(3e-3)
     found = supervisor.robot.evaluate(q, force=10.0)
     assert state.pose == pytest.approx((0.1, -0.8), abs=1e-12)
     assert state.type1_margin == pytest.approx(found.type1_margin, abs=1e-12)

@@ -127,6 +127,6 @@ class RodPlatform(TurningPlatform):
 
 def _less(sine: float, turn_rad: float) -> float:
     """Smallest |sin| after a turn: |sin(angle - turn)| >= sine cos(turn) - sqrt(1 - sine^2) sin(turn)."""
-    if not turn_rad < 1.0:
+    if not turn_rad < 0.5 * pi:
         return 0.0
     return max(sine * cos(turn_rad) - sqrt(max(1.0 - sine * sine, 0.0)) * sin(turn_rad), 0.0)
