@@ -75,7 +75,7 @@ def test_a_stop_that_comes_while_a_motion_is_put_into_a_message_has_the_last_wor
     pause.go_on.set()
     opened.until_said(3)
     assert opened.motions == [1, 1, 1]
-    assert "a stop came" in opened.node.log[-1]
+    opened.until_logged("a stop came")
 
 
 def test_nothing_follows_the_end_of_an_activation(opened: Opened, monkeypatch: pytest.MonkeyPatch):
@@ -109,7 +109,7 @@ def test_a_motion_that_takes_longer_than_messages_can_say_is_held(opened: Opened
     opened.go(near_by(opened), first_ns=2_000_000, last_s=2_000_000_000)  # too fast: slowed down as a whole
     opened.until_said(2)
     assert opened.motions[1] == 1
-    assert "it takes" in opened.node.log[-1]
+    opened.until_logged("it takes")
 
 
 HOLD_AFTER_S = 1.0

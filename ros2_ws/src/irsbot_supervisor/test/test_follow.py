@@ -98,8 +98,6 @@ class Served:
 
     def drive(self, goal: FakeGoal, *, until_ms: float = 4000.0, stuck: bool = False) -> None:
         """The robot follows what passed, 1 kHz, a beat every 10 ms, until the goal has ended."""
-        self.opened.gate._out.lock.acquire()  # the thread has said its answer
-        self.opened.gate._out.lock.release()
         begin_ms, outcome = self.now_ms, self.server._outcome
         path = outcome.path if outcome else None
         while not goal.outcome and self.now_ms < begin_ms + until_ms:

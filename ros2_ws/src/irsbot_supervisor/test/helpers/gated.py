@@ -51,7 +51,9 @@ class FakeNode:
 
     def get_logger(self) -> Any:
         def tell(text: str, **_more: Any) -> None:
-            self.log.append(text)
+            with self.spoke:
+                self.log.append(text)
+                self.spoke.notify_all()
 
         return SimpleNamespace(info=tell, warning=tell)
 
@@ -96,6 +98,15 @@ class Opened:
         return trajectories.follows, velocities.command
 
     def until_said(self, number: int) -> None:
+        """Until so many trajectories are published, and the gate is done with the last of them."""
+        self._until(lambda: len(self.motions) >= number)
+        with self.gate._out.lock:
+            pass
+
+    def until_logged(self, words: str) -> None:
+        self._until(lambda: any(words in text for text in self.node.log))
+
+    def _until(self, seen: Callable[[], bool]) -> None:
         with self.node.spoke:
-            heard = self.node.spoke.wait_for(lambda: len(self.motions) >= number, PATIENCE_S)
+            heard = self.node.spoke.wait_for(seen, PATIENCE_S)
         assert heard, f"{self.motions}, {self.node.log}, {self.errors}"
