@@ -148,6 +148,7 @@ check-mechanism nofile.yaml
 check-mechanism nofile.py
 check-mechanism irsbot2 --joints 0
 check-mechanism irsbot2 --joints many
+check-mechanism irsbot2 --only nonsense
 new-mechanism
 new-mechanism mine
 new-mechanism Mine --legs 9

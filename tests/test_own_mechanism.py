@@ -35,6 +35,16 @@ def test_the_mechanism_of_the_documentation_keeps_every_law() -> None:
     assert all(law["tried"] > 0 and law["worst"] <= law["allowed"] for law in stated["laws"])
 
 
+def test_one_law_may_be_checked_alone() -> None:
+    done = check(str(EXAMPLE / "prr3.yaml"), "--only", "inverse rates", "--joints", "60")
+    assert done.returncode == 0, done.stderr
+    assert "prr3 keeps inverse rates" in done.stdout
+    assert "inverse closes" not in done.stdout
+    refused = check(str(EXAMPLE / "prr3.yaml"), "--only", "inverse rate")
+    assert refused.returncode == 2
+    assert "no law 'inverse rate'; there are inverse closes," in refused.stderr
+
+
 def test_the_example_with_struts_keeps_every_law() -> None:
     stated = json.loads(check(str(STRUTS), "--json", "--joints", "60").stdout)
     assert stated["holds"], [law for law in stated["laws"] if law["broken"]]

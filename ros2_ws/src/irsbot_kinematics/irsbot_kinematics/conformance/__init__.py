@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import inspect
 import traceback
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 from irsbot_kinematics.conformance import declared, declared_rods, gaps, margins, motion, singular, wrong
 from irsbot_kinematics.conformance.samples import Check, Law, Machine
+from irsbot_kinematics.errors import BadInput
 from irsbot_kinematics.robot import Robot
 
 __all__ = ["JOINTS", "LAWS", "Check", "conformance"]
@@ -76,11 +77,15 @@ LAWS: tuple[_Entry, ...] = (
 """Every law: name, function, largest allowed error and its unit."""
 
 
-def conformance(robot: Robot, *, joints: int = JOINTS, seed: int = 1) -> Iterator[Check]:
+def conformance(robot: Robot, *, joints: int = JOINTS, seed: int = 1, only: Collection[str] = ()) -> Iterator[Check]:
     """Check every law, one after the other; `Check.broken` is empty if the law holds.
 
-    joints: number of random joint positions. Never raises for errors of the mechanism.
+    joints: number of random joint positions. only: names of `LAWS` to check alone; all of them if empty. Raises
+    BadInput for a law that is none. Never raises for errors of the mechanism.
     """
+    names = [entry.name for entry in LAWS]
+    if unknown := sorted(set(only) - set(names)):
+        raise BadInput(f"no law '{unknown[0]}'; there are {', '.join(names)}")
     machine = Machine(robot, joints, seed)
     try:
         good = len(machine.regular)
@@ -94,7 +99,8 @@ def conformance(robot: Robot, *, joints: int = JOINTS, seed: int = 1) -> Iterato
     yield Check("postures", words, good, 0.0, 0.0, "1", broken)
     if not broken:
         for entry in LAWS:
-            yield _tried(entry, machine)
+            if not only or entry.name in only:
+                yield _tried(entry, machine)
 
 
 def _tried(entry: _Entry, machine: Machine) -> Check:
