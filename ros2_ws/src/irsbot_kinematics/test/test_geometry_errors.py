@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import pytest
 from postures import NAMES, ROBOTS
@@ -62,6 +64,20 @@ def test_kappa_falls_at_fixed_directions_of_the_rods_by_no_more_than_its_bound()
         if floor > 0.0:
             nearest = max(nearest, (at.constraint - met.min()) / (at.constraint - floor))
     assert nearest > 0.2, "what is met is far from what is allowed"
+
+
+def test_the_error_of_an_elbow_is_that_of_the_worst_machine():
+    """The crank points wherever its error adds to that of the leg's foot."""
+    s = 1e-4
+    signs = np.array(list(product((-s, s), repeat=7)))
+    five_bar = np.hypot(signs[:, 0], signs[:, 1]).max() + s
+    assert ROBOTS["five_bar"].mechanism.geometry_errors(s).ends == pytest.approx(five_bar, rel=1e-9)
+    mechanism = ROBOTS["irsbot2"].mechanism
+    g = mechanism.geometry
+    motor_x, wrist_x, motor_z, wrist_z, drop, longer, across = signs.T
+    inwards = (g.a1 + longer) * np.sin(g.beta + across / g.a1) - g.a1 * np.sin(g.beta)
+    foot = np.hypot(motor_x - wrist_x + inwards, motor_z - wrist_z - drop)
+    assert mechanism.geometry_errors(s).ends == pytest.approx(foot.max() + s, rel=1e-9)
 
 
 def test_five_bar_with_every_length_off_the_worst_way():

@@ -92,6 +92,7 @@ def test_an_operator_who_sees_the_platform_on_another_branch_is_refused():
     other = tuple(robot.direct(q, -1).tolist())
     refused = (None, "the seed pose is nearest to another branch")
     assert seen_posture(robot.mechanism, q, other, 1, followed_pose) == refused
+    assert seen_posture(robot.mechanism, q, followed_pose, 1, other) == refused
     assert seen_posture(robot.mechanism, q, (0.01, 0.0, 0.3), 1, followed_pose) == (None, "")
 
 

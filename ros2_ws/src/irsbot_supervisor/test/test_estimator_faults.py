@@ -20,9 +20,12 @@ from estimates import (
 )
 from hypothesis import given
 from hypothesis import strategies as st
+from supervised import settings_of
 
 from irsbot_msgs_py.records import Cause
 from irsbot_supervisor.core.estimation.estimate import Estimate
+from irsbot_supervisor.core.estimation.jumps import Jumps
+from irsbot_supervisor.core.settings import OVERSPEED
 from irsbot_supervisor.core.validation import Rejected
 
 # --- clocks ----------------------------------------------------------------------------------------------------------
@@ -126,6 +129,15 @@ def test_late_stamps_at_full_speed_are_no_jumps():
 
 
 # --- jumps -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_step_may_be_longer_by_what_an_encoder_and_two_stamps_leave_open(sign):
+    settings, robot = settings_of("irsbot2", encoder_resolution=1e-3, stamp_jitter_s=2e-4)
+    jumps, span_s, limit = Jumps(settings, robot.mechanism.joints), 1e-3, settings.velocity_limit[0]
+    most = OVERSPEED * limit * span_s + 1e-3 + 2.0 * 2e-4 * limit
+    assert jumps.too_far((sign * 0.999 * most, 0.0), span_s) == ""
+    assert "'joint_1' jumped" in jumps.too_far((sign * 1.001 * most, 0.0), span_s)
 
 
 @given(st.floats(0.02, 3.1), st.sampled_from([-1.0, 1.0]), st.integers(0, 1), st.integers(1, 20))
