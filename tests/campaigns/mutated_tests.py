@@ -53,7 +53,7 @@ OWN: dict[str, tuple[str, ...]] = {
     "irsbot2_space": ("irsbot2_space", "bounds_of_many", *DESIGNS),
     "planar_columns": ("bounds_of_many",),
     "planar_kinematics": ("irsbot2", "planar_indices"),
-    "planar_loop": ("irsbot2", "planar_indices"),
+    "planar_loop": ("irsbot2", "planar_indices", "workspace_maps"),
     "planar_pair": ("irsbot2", "planar_indices", "bounds_of_many"),
     "rod_platform": ("rod_platform",),
     "rrr3": ("rrr3",),
@@ -70,7 +70,7 @@ BOUNDS: dict[str, tuple[str, ...]] = {
     "boxes": ("box_rods", "boxes", "geometry_errors"),
     "quadratics": ("quadratics", "box_rods", "boxes"),
     "sizes": ("box_rods", "bounds_of_many", "boxes"),
-    "type2_over_box": ("box_rods", "boxes", "geometry_errors"),
+    "type2_over_box": ("type2_over_box", "box_rods", "boxes", "geometry_errors"),
     "columns": ("bounds_of_many",),
 }
 
@@ -109,7 +109,7 @@ def tests_of(module: str) -> tuple[list[str], str]:
     if package == "irsbot_supervisor":
         return [SUPERVISOR.format(test) for test in CORE.get(name, ESTIMATION)], ""
     if folder == "bounds":
-        own = ("test_displacement", "test_box_rods", "test_quadratics", "test_bounds_of_many")
+        own = ("test_displacement", "test_box_rods", "test_quadratics", "test_bounds_of_many", "test_type2_over_box")
         return [KINEMATICS.format(test) for test in BOUNDS[name]], " or ".join((*ALL_KINDS, *own))
     alone = dict.fromkeys((*OWN.get(name, ()), "geometry"))
     keyword = " or ".join([*ROBOTS.get(name, (name,)), *(f"test_{test}.py" for test in alone)])

@@ -23,8 +23,9 @@ from hypothesis import strategies as st
 from supervised import settings_of
 
 from irsbot_msgs_py.records import Cause
-from irsbot_supervisor.core.estimation.estimate import Estimate
+from irsbot_supervisor.core.estimation.estimate import Estimate, Speeds
 from irsbot_supervisor.core.estimation.jumps import Jumps
+from irsbot_supervisor.core.estimation.reported import Reported
 from irsbot_supervisor.core.settings import OVERSPEED
 from irsbot_supervisor.core.validation import Rejected
 
@@ -126,6 +127,23 @@ def test_late_stamps_at_full_speed_are_no_jumps():
     for k, late in enumerate(np.abs(rng.normal(0.0, 0.1, 2000))):
         q = 0.98 * SPEED * 1e-3 * k
         assert not good(filter_.update(accepted(k + late, (q, 1.0), (0.98 * SPEED, 0.0), seen_ms=k + late))).branch_lost
+
+
+# --- reported velocities ---------------------------------------------------------------------------------------------
+
+
+def test_positions_are_compared_over_the_shortest_window_that_is_long_enough():
+    """The oldest sample that is kept is at least a window old, the next one is not, however the samples come."""
+    settings, robot = settings_of("irsbot2")
+    rng, oldest, next_to_it = np.random.default_rng(8), inf, 0.0
+    reported, ms, still = Reported(settings, robot.mechanism.joints), 0.0, Speeds((0.0, 0.0), (0.0, 0.0))
+    for k in range(600):
+        ms += rng.uniform(0.2, 3.0)
+        reported.look(accepted(ms, (0.0, 1.0)), still)
+        kept = [(reported.memory[-1].stamp_ns - one.stamp_ns) * 1e-6 for one in reported.memory]
+        if k > 100:
+            oldest, next_to_it = min(oldest, kept[0]), max(next_to_it, kept[1])
+    assert 0.0 < next_to_it < oldest
 
 
 # --- jumps -----------------------------------------------------------------------------------------------------------
