@@ -6,6 +6,7 @@ KINEMATICS = "irsbot_kinematics/test/test_{}.py"
 SUPERVISOR = "irsbot_supervisor/test/test_{}.py"
 
 EVERY_ROBOT = (
+    "symmetry",
     "laws",
     "robot",
     "boxes",
@@ -79,6 +80,7 @@ BYPASSES = ("bypass", "bypass_record")
 ESTIMATORS = ("estimator", "estimator_faults", "estimator_silence")
 
 CORE: dict[str, tuple[str, ...]] = {
+    "assessment": ("estimator", "branches", *SUPERVISORS, "quiet_stretches"),
     "box_search": ("stopping", "velocity_gate"),
     "bypass": (*BYPASSES, *SUPERVISORS),
     "escape": ("escape", *SUPERVISORS, "velocity_gate"),
