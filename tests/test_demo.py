@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from command import IRSBOT, PATIENCE_S
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from irsbot_msgs_py.records import Level
+from irsbot_msgs_py.records import Level, Reset
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.bag.bag import Bag
 from irsbot_supervisor.bag.bag_writer import BagWriter
@@ -65,6 +66,22 @@ def test_times_of_the_timeline_are_those_of_the_robot_since_the_first_judged_sam
 
 def test_the_picture_is_drawn(demo: tuple[Path, str]) -> None:
     assert (demo[0] / "run.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_stop_by_late_samples_before_the_work_is_reset(tmp_path: Path) -> None:
+    """As on a busy machine, while the nodes start."""
+    scenario, folder = tmp_path / "late.yaml", tmp_path / "run"
+    late = "faults: latency:by=0.045,lasting=0.4"
+    lines = (files("irsbot_supervisor") / "scenarios" / "demo.yaml").read_text().splitlines()
+    scenario.write_text("\n".join([late, *lines]))
+    command = [*IRSBOT, "demo", "--scenario", str(scenario), "--seconds", "2", "--out", str(folder)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
+    assert done.returncode == 0, done.stdout + done.stderr
+    recording = read_recording(folder / "bag")
+    assert [entry for entry in recording.journal if isinstance(entry, Reset)]
+    begun = next(number for number, (_log, verdict) in enumerate(recording.verdicts) if verdict.level < Level.STOP)
+    assert any(verdict.latched for _log, verdict in recording.verdicts[:begun])
+    assert recording.verdicts[-1][1].latched
 
 
 def test_the_bag_opens_with_public_readers(demo: tuple[Path, str]) -> None:

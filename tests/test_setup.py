@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+import select
 import shutil
 import signal
 import subprocess
@@ -14,6 +15,7 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from command import PATIENCE_S
 
 BASE_PYTHON = os.path.realpath(sys.executable)
 FAKE_COLCON = """\
@@ -287,14 +289,14 @@ def test_an_interrupted_set_up_leaves_nothing_that_is_trusted(sourced, copy, too
 
     command = [copy / "irsbot", "setup"]
     with subprocess.Popen(command, env=env, stderr=subprocess.PIPE, text=True, preexec_fn=heed_ctrl_c) as process:
-        build = int(begun.read_text())  # waits until the build runs
+        build = os.pidfd_open(int(begun.read_text()))  # waits until the build runs
         process.send_signal(number)
         assert process.stderr
         stated = process.stderr.read()
     assert process.returncode == code
     assert stated.splitlines()[-1] == "irsbot: interrupted, the same command resumes"
-    with pytest.raises(ProcessLookupError):
-        os.kill(build, 0)
+    assert select.select([build], [], [], PATIENCE_S)[0]  # readable when the build has ended
+    os.close(build)
     assert half_made.exists()
     program(tools / "colcon", FAKE_COLCON)
     again = subprocess.run(command, env=env, capture_output=True, text=True)

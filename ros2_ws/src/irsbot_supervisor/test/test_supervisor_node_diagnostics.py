@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
-from cell import NEAR, PERIOD_S, Cell, Statuses, Wire, bad, resting, statuses_of
+from cell import LAZY, NEAR, PERIOD_S, Cell, Statuses, Wire, bad, resting, statuses_of
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from irsbot_msgs.msg import Verdict as VerdictMessage
 from rclpy.duration import Duration
@@ -72,7 +72,7 @@ def test_diagnostics_have_the_figures_as_values(cell: Cell):
 
 
 def test_diagnostics_of_a_latched_stop_say_so(wire: Wire):
-    cell = Cell(wire)
+    cell = Cell(wire, **LAZY)
     heard = statuses_of(cell)
     cell.say = resting(NEAR)
     cell.wire.until(lambda: heard and heard[-1]["supervisor"][0] == b"\x02")

@@ -12,7 +12,7 @@ import pytest
 
 pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
-from cell import GOOD, NEAR, PATIENCE_S, Cell, Wire, check, going, resting, silent
+from cell import GOOD, LAZY, NEAR, PATIENCE_S, Cell, Wire, check, going, resting, silent
 from lifecycle_msgs.msg import Transition
 from rclpy.utilities import get_rmw_implementation_identifier
 
@@ -59,7 +59,7 @@ def test_only_an_active_supervisor_publishes_and_every_activation_begins_with_un
 
 
 def test_a_latched_stop_and_its_number_outlive_every_transition(wire: Wire):
-    cell = Cell(wire)
+    cell = Cell(wire, **LAZY)
     cell.say = resting(NEAR)
     assert cell.heard_level(Level.STOP).event == 1
     cell.say = going(NEAR, GOOD, time.time_ns(), 1.0)

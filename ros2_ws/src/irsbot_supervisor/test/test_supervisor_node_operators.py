@@ -12,7 +12,7 @@ import yaml
 
 pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
-from cell import GOOD, NEAR, Cell, Wire, check, going, resting, statuses_of, swinging
+from cell import GOOD, LAZY, NEAR, Cell, Wire, check, going, resting, statuses_of, swinging
 from diagnostic_msgs.msg import DiagnosticArray
 from irsbot_msgs.srv import BypassStop
 from lifecycle_msgs.msg import Transition
@@ -124,7 +124,7 @@ def test_counted_bending_is_computed_at_the_start_and_cannot_grow_unstated(wire:
 
 
 def test_a_latched_stop_survives_a_change_of_settings_and_ends_by_the_right_reset_alone(wire: Wire):
-    cell = Cell(wire)
+    cell = Cell(wire, **LAZY)
     cell.say = resting(NEAR)
     stop = cell.heard_level(Level.STOP)
     assert stop.latched
@@ -174,7 +174,8 @@ def test_a_latched_stop_survives_a_change_of_settings_and_ends_by_the_right_rese
 
 
 def test_an_operator_bypasses_one_cause_by_the_service_for_a_while(wire: Wire):
-    cell = Cell(wire, type2_stop=0.01, type2_warn=0.02, constraint_stop=0.001, constraint_warn=0.002)
+    near = {"type2_stop": 0.01, "type2_warn": 0.02, "constraint_stop": 0.001, "constraint_warn": 0.002}
+    cell = Cell(wire, **near, **LAZY)
     heard = statuses_of(cell)
     journal: list[str] = []
     latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)

@@ -45,6 +45,9 @@ START_DELAY_S = 1.0
 AFTERWARDS_S = 1.0
 """s of recording after a stop or the end of the work; braking takes a small part of it."""
 
+RESET_S, EARLY = 0.25, "stopped before the robot moved, as happens on a busy machine"
+"""s between two requests to reset such a stop, and what the operator says."""
+
 GRACE_S = 8.0
 """s beyond the planned motion after which a run counts as stuck."""
 
@@ -141,6 +144,11 @@ class _Timeline:
         self._begin_ns = state.stamp_ns
         self.began = True
 
+    @property
+    def stopped_at_rest(self) -> Verdict | None:
+        """A latched stop before the robot was ever allowed to move: samples may come late while the nodes start."""
+        return self.verdict if self.verdict is not None and self.verdict.latched and not self.worked else None
+
     def hear(self, verdict: Verdict) -> None:
         last, self.verdict = self.verdict, verdict
         self.worked = self.worked or verdict.level < Level.STOP
@@ -169,11 +177,20 @@ def _await(suite: Suite, watch: Any, heard: Callable[[], bool], silence: str) ->
 
 
 def _follow(suite: Suite, watch: Any, timeline: _Timeline, stops: bool, limit_s: float) -> None:
-    """Watch until the robot had time to stand after a stop, its work is done, or nothing more can come."""
-    deadline = time.monotonic() + limit_s - (0.0 if stops else GRACE_S - AFTERWARDS_S)
+    """Watch until the robot had time to stand after a stop, its work is done, or nothing more can come. A stop before
+    the work is reset, as an operator would."""
+    limit_s -= 0.0 if stops else GRACE_S - AFTERWARDS_S
+    worked, asked_s, deadline = False, -inf, time.monotonic() + STARTING_S
     while time.monotonic() < deadline:
         watch.look(0.05)
         suite.check()
+        stop = timeline.stopped_at_rest
+        if stop is not None and time.monotonic() > asked_s + RESET_S and watch.reset(stop.event, EARLY):
+            if asked_s == -inf:
+                out.print(f"{EARLY}: resets are requested, until one is accepted")
+            asked_s = time.monotonic()
+        if timeline.worked and not worked:
+            worked, deadline = True, time.monotonic() + limit_s
         if timeline.stopped_at is not None:
             deadline = min(deadline, timeline.stopped_at + AFTERWARDS_S)
 

@@ -1,4 +1,5 @@
-"""A live look at a running suite: its first state and its verdicts, for the timeline of the demo. Needs ROS."""
+"""A live look at a running suite: its first state and its verdicts, for the timeline of the demo, and resets. Needs
+ROS."""
 
 from __future__ import annotations
 
@@ -9,6 +10,7 @@ from typing import Any
 import rclpy
 from irsbot_msgs.msg import SingularityState as StateMessage
 from irsbot_msgs.msg import Verdict as VerdictMessage
+from irsbot_msgs.srv import ResetStop
 from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -39,6 +41,8 @@ class Watch:
         self.node.create_subscription(
             VerdictMessage, "supervisor/verdict", lambda data: on_verdict(decode_verdict(data)), LATCHED, raw=True
         )
+        self._resets = self.node.create_client(ResetStop, "supervisor/reset")
+        self._answer: Any = None  # to the last request for a reset
         self._on_first_state = on_first_state
         self._states: Any = self.node.create_subscription(
             StateMessage, "supervisor/state", self._on_state, LATCHED.depth, raw=True
@@ -47,6 +51,13 @@ class Watch:
     def look(self, seconds: float) -> None:
         """Wait for the next verdict, at most for this time."""
         self._executor.spin_once(timeout_sec=seconds)
+
+    def reset(self, event: int, operator_text: str) -> bool:
+        """Request a reset of a stop; True if that was possible: the service is there, and no answer is due."""
+        if not self._resets.service_is_ready() or not (self._answer is None or self._answer.done()):
+            return False
+        self._answer = self._resets.call_async(ResetStop.Request(event=event, operator_text=operator_text))
+        return True
 
     def _on_state(self, data: bytes) -> None:
         if self._states is not None:

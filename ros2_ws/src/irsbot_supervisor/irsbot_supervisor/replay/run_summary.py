@@ -62,7 +62,8 @@ def outcome(recording: Recording, expect: ExpectedOutcome) -> Outcome:
     later = [(log, verdict) for log, verdict in recording.verdicts if working is not None and log > working]
     stopped_ns, verdict = next((heard for heard in later if heard[1].level == Level.STOP), (None, None))
     unknown_ns, doubt = next((heard for heard in later if heard[1].level == Level.UNKNOWN), (None, None))
-    crossed = next((state for state in states if state.level == Level.STOP), None)
+    moving = [state for state in states if working is not None and state.stamp_ns > working]
+    crossed = next((state for state in moving if state.level == Level.STOP), None)
     stood = _standstill(states, stopped_ns, float(settings.get("standstill_speed", 0.0)))
     found = Outcome(
         begin_ns,
