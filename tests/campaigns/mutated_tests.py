@@ -77,7 +77,7 @@ BOUNDS: dict[str, tuple[str, ...]] = {
 
 SUPERVISORS = ("supervisor", "supervisor_samples", "supervisor_late", "supervisor_branch", "supervisor_stops")
 BYPASSES = ("bypass", "bypass_record")
-ESTIMATORS = ("estimator", "estimator_faults", "estimator_silence")
+ESTIMATORS = ("estimator_numbers", "estimator", "estimator_faults", "estimator_silence")
 
 CORE: dict[str, tuple[str, ...]] = {
     "assessment": ("estimator", "branches", *SUPERVISORS, "quiet_stretches"),
