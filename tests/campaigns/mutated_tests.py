@@ -57,10 +57,11 @@ OWN: dict[str, tuple[str, ...]] = {
     "planar_loop": ("irsbot2", "planar_indices", "workspace_maps"),
     "planar_pair": ("irsbot2", "planar_indices", "bounds_of_many"),
     "rod_platform": ("rod_platform",),
-    "rrr3": ("rrr3", "rrr3_bounds"),
+    "rrr3": ("rrr3", "rrr3_bounds", "sliding_platform"),
     "rrr3_base": ("crank_platforms", "crank_branches"),
     "ruu4": ("crank_platforms", "crank_branches", "ruu4_limbs"),
-    "turning_platform": ("rrr3_bounds",),
+    "sliding_platform": ("sliding_platform",),
+    "turning_platform": ("rrr3_bounds", "sliding_platform"),
 }
 """Mechanism -> tests of it alone."""
 

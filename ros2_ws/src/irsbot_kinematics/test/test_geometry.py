@@ -38,6 +38,14 @@ BAD = [
     *((name, {"limits": (-0.1, 0.9)}, "limits[0] >= 0", "-0.1", "") for name in ("rpr3", "rails2")),
     *(("rails2", {name: -0.1}, "min(L2, L3) > 0", "-0.1", "") for name in ("L2", "L3")),
     ("rails3", {"L": (0.5, -0.1, 0.5)}, "min L > 0", "-0.1", ""),
+    *(("rrr3", {name: 0.0}, f"{name} > 0", "0", "") for name in ("rb", "rp", "l")),
+    ("rrr3", {"rb": 1.0}, "|rb - rp| <= 2 l", "0.9", "0.8"),
+    ("rrr3", {"rp": 1.25}, "|rb - rp| <= 2 l", "0.9", "0.8"),
+    *((name, {"limits": (0.9, 0.9)}, "limits[0] < limits[1]", "0.9", "0.9") for name in ("rpr3", "rails2", "rails3")),
+    ("rails2", {"travel": (0.3, 0.2)}, "travel[0] < travel[1]", "0.3", "0.2"),
+    ("rails2", {"u3": (0.0, 0.0)}, "|u3| > 0", "0", ""),
+    ("rails3", {"u1": (0.0, 0.0)}, "|u1| > 0", "0", ""),
+    ("rpr3", {"b1": (0.0, 0.0), "b2": (0.0, 0.0), "b3": (0.0, 0.0)}, "max |b| > 0", "0", ""),
 ]
 
 
@@ -55,6 +63,17 @@ def test_bad_lengths_are_refused_with_the_inequality_and_both_values(name, chang
     else:
         assert values[1] == left
     assert (values[2] or "") == right
+
+
+def test_lengths_at_their_bounds_are_accepted():
+    """A 3-RRR with stretched legs alone, struts from length 0 on, rails to one side, a platform joint at P, a rail of
+    another size: none is wrong."""
+    assert irs.make_robot("rrr3", rb=0.5, rp=0.25, l=0.125).mechanism.geometry
+    assert irs.make_robot("rpr3", limits=(0.0, 0.5), b1=(0.0, 0.0)).mechanism.geometry
+    assert irs.make_robot("rails3", limits=(-0.9, -0.2)).mechanism.geometry
+    small, large = (irs.make_robot("rails2", u2=way, u3=(0.0, 2.0)).mechanism for way in ((0.03, 0.04), (3.0, 4.0)))
+    assert small.rails[1].way == pytest.approx((0.6, 0.8))
+    assert large.rails[1].way == pytest.approx((0.6, 0.8))
 
 
 def test_the_smallest_legal_steps_beyond_the_bounds_are_accepted():

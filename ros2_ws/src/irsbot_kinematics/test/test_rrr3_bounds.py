@@ -114,6 +114,9 @@ def test_errors_of_the_geometry_are_those_of_the_worst_leg() -> None:
     more = np.subtract(off.drives, exact.drives)
     assert off.path - exact.path == pytest.approx(ends)
     assert np.all(more >= ends + longest)
+    for rod, wrong in zip(MECHANISM.rods_of(at, travel, 0.0), MECHANISM.rods_of(at, travel, s), strict=True):
+        assert wrong.aside - rod.aside == pytest.approx(ends)
+        assert wrong.growth_aside - rod.growth_aside == pytest.approx(longest)
     np.testing.assert_allclose(more, ends + longest, rtol=0.1)
 
 
@@ -151,7 +154,7 @@ def test_no_sine_is_left_of_links_that_may_have_no_length(slack: float) -> None:
     assert MECHANISM.sine_floors(at, (0.0,) * 3, 0.0, slack) == (0.0,) * 3
 
 
-def test_rods_turn_within_the_ball_by_no_more_than_their_rate_and_by_as_much_at_its_end() -> None:
+def test_rods_turn_within_the_ball_by_no_more_than_their_rate_and_a_folded_leg_has_no_ball() -> None:
     """A rod of which half is left after a move of its end across it has turned by asin(1/2)."""
     limited = set()
     for at in some_postures(60):
@@ -163,3 +166,5 @@ def test_rods_turn_within_the_ball_by_no_more_than_their_rate_and_by_as_much_at_
     assert limited == {True, False}
     at = some_postures(1)[0]
     assert MECHANISM.turn_rate(at._replace(reach=(2.0 * LINK,) * 3)) == (0.0, np.inf)
+    folded = MECHANISM.travel_of(at._replace(reach=(2.0 * LINK,) * 3), (1e-3,) * 3, 0.0)
+    assert (folded.rod, min(folded.drives)) == (0.0, np.inf)

@@ -1,0 +1,152 @@
+"""Parts of the guarantees of platforms on slides: rails that are off, turns of struts and rods, ways of rods."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from postures import ROBOTS
+
+import irsbot_kinematics as irs
+from irsbot_kinematics import Posture
+from irsbot_kinematics.mechanism import Coordinate
+from irsbot_kinematics.mechanisms.sliding_platform import _rail_errors as rail_errors
+
+Array = NDArray[np.float64]
+
+NAMES = ("rails2", "rails3", "rpr3")
+every_platform = pytest.mark.parametrize("name", NAMES)
+
+
+def some_postures(name: str, number: int = 25) -> list[Posture]:
+    """In random places of the joints, of all assembly modes."""
+    mechanism, rng, found = ROBOTS[name].mechanism, np.random.default_rng(5), []
+    limits = np.array([(joint.lower, joint.upper) for joint in mechanism.joints]).T
+    for q in rng.uniform(*limits, (40 * number, 3)).tolist():
+        at = mechanism.posture(tuple(q), int(rng.choice(mechanism.assembly_modes)))
+        if at.status == irs.Status.SOLVED and min(*at.type1, at.type2) > 0.02:
+            found.append(at)
+    assert len(found) >= number
+    return found[:number]
+
+
+@pytest.mark.parametrize("travel", [0.0, 0.1])
+@pytest.mark.parametrize("away", [-2.0, -0.6, 0.0, 0.5, 1.5])
+def test_a_rail_is_off_by_no_more_than_its_worst_ends_put_it_and_by_about_as_much(away: float, travel: float) -> None:
+    """Ends on circles about where they belong, carriages counted from the middle of the rail that is there."""
+    rail, place = Coordinate("slide", "m", -0.2, 0.8), 0.004
+    turn = np.deg2rad(np.arange(0.0, 360.0, 10.0))
+    first, last = (end.ravel() for end in np.meshgrid(*2 * (place * np.exp(1j * turn),)))
+    along = (1.0 + last - first) / np.abs(1.0 + last - first)
+    q = 0.3 + away + travel * np.linspace(-1.0, 1.0, 5)[:, None]
+    off = np.abs(0.3 + 0.5 * (first + last) + (q - 0.3) * along - q).max()
+    shift, turned = rail_errors(rail, 0.3 + away, travel, place)
+    tilt = np.abs(np.angle(along)).max()
+    beyond = max(2.0 * (abs(away) + travel), 1.0)
+    assert off <= shift <= off * np.hypot(1.0, beyond) / beyond * 1.03
+    assert tilt <= turned <= 1.01 * tilt
+
+
+def test_nothing_is_known_of_a_rail_whose_ends_may_nearly_meet() -> None:
+    rail = Coordinate("slide", "m", -0.2, 0.8)
+    assert np.isfinite(rail_errors(rail, 0.0, 0.0, 0.249)).all()
+    assert rail_errors(rail, 0.0, 0.0, 0.25) == (np.inf, np.inf)
+    assert rail_errors(rail, 0.0, 0.0, np.nan) == (np.inf, np.inf)
+
+
+@every_platform
+def test_rods_and_struts_turn_by_no_more_than_their_rate_and_at_the_end_of_the_ball_by_as_much(name: str) -> None:
+    """A rod on a rail turns with the distance h of its end from the rail, asin(h/L); a strut of which half is left has
+    turned by asin(1/2)."""
+    mechanism, step = ROBOTS[name].mechanism, 1e-7
+    for at in some_postures(name):
+        ball, rate = mechanism.turn_rate(at)
+        assert ball == pytest.approx(0.5 * min(at.reach))
+        rates = []
+        for rail, q, (rx, ry, _) in zip(mechanism.rails, at.joints, at.screws, strict=True):
+            if rail is None:
+                rates.append(np.arcsin(0.5) / (0.5 * q))
+            else:
+                h = rail.rod * abs(rail.way[0] * ry - rail.way[1] * rx) + ball
+                rates.append((np.arcsin((h + step) / rail.rod) - np.arcsin((h - step) / rail.rod)) / (2.0 * step))
+        assert rate == pytest.approx(max(rates), rel=1e-5)
+    assert mechanism.turn_rate(at._replace(reach=(0.1, 0.0, 0.1))) == (0.0, np.inf)
+
+
+@every_platform
+def test_a_strut_keeps_its_length_but_for_its_travel_and_its_error_and_has_no_sine_to_lose(name: str) -> None:
+    mechanism, travel, slack = ROBOTS[name].mechanism, (0.1, 0.02, 0.3), 0.01
+    for at in some_postures(name):
+        limbs = iter(mechanism.limb_floors(at, travel, slack, ()))
+        sines = mechanism.sine_floors(at, travel, 0.2, slack)
+        rows = zip(mechanism.rails, mechanism.joints, at.joints, travel, at.type1, sines, strict=True)
+        for rail, joint, q, t, sine, floor in rows:
+            if rail is None:
+                lengths = q + np.linspace(-t - slack, t + slack, 201)
+                assert next(limbs) == pytest.approx(np.clip(lengths / joint.upper, 0.0, 1.0).min(), abs=1e-12)
+                assert floor == 1.0
+            else:
+                turn = 0.2 + rail_errors(joint, q, 0.0, np.sqrt(2.0) * slack)[1]
+                angles = np.arcsin(sine) + turn * np.linspace(-1.0, 1.0, 201)
+                assert floor == pytest.approx(max(np.sin(angles.min()), 0.0), abs=1e-9)
+        assert not list(limbs)
+        assert (
+            mechanism.limb_floors(at._replace(joints=(9.0,) * 3), (0.0,) * 3, 0.0, ()) == (1.0,) * mechanism.limb_count
+        )
+
+
+@every_platform
+@pytest.mark.parametrize("slack", [0.0, 1e-4])
+def test_what_rods_demand_is_the_way_of_joints_along_them_and_the_errors_of_both_ends(name: str, slack: float) -> None:
+    """A strut that is longer by D pushes by D + D^2/(2 length) at most; a carriage takes its rod along by the cosine.
+    Errors are those of the worst signs; a rail's are measured on a rail."""
+    mechanism, travel = ROBOTS[name].mechanism, (0.003, 0.005, 0.001)
+    places = np.array(list(product((-slack, slack), repeat=2)))
+    place = np.hypot(*places.T).max()
+    apart = max(np.hypot(*(one - other)) for one in places for other in places)
+    found = mechanism.geometry_errors(slack)
+    np.testing.assert_allclose(found, (apart, slack, place), atol=1e-15)
+    for at in some_postures(name):
+        asked, exact = mechanism.travel_of(at, travel, slack), mechanism.rods_of(at, travel, slack)
+        paths, lengths = [], []
+        rows = zip(mechanism.rails, mechanism.joints, at.joints, travel, asked.drives, at.screws, exact, strict=True)
+        for rail, joint, q, t, drive, (rx, ry, _), rod in rows:
+            if rail is None:
+                ends, longer = apart, t + slack
+                assert drive == pytest.approx(longer + longer**2 / (2.0 * q) + ends, rel=1e-12)
+                assert (rod.near, rod.growth) == ((0.0, 0.0), t)
+                paths.append(ends)
+            else:
+                ends = place + (rail_errors(joint, q, t, place)[0] if slack else 0.0)
+                assert drive == pytest.approx(abs(rx * rail.way[0] + ry * rail.way[1]) * t + slack + ends, rel=1e-12)
+                assert np.hypot(*rod.near) == pytest.approx(t)
+                assert rod.growth == 0.0
+                paths.append(t + ends)
+            assert (rod.aside, rod.growth_aside) == pytest.approx((ends, slack), abs=1e-15)
+            lengths.append(q if rail is None else rail.rod)
+        assert asked.path == pytest.approx(max(paths), rel=1e-12)
+        assert asked.rod == min(lengths)
+
+
+def test_a_strut_without_length_has_no_bound() -> None:
+    at = some_postures("rpr3", 1)[0]
+    asked = ROBOTS["rpr3"].mechanism.travel_of(at._replace(joints=(0.0, 0.3, 0.3)), (1e-3,) * 3, 0.0)
+    assert asked.drives[0] == np.inf
+    assert asked.rod == 0.0
+
+
+@pytest.mark.parametrize("name", ["rrr3", "rrr3_base", "ruu4", *NAMES])
+def test_sizes_of_a_turning_platform_are_those_of_its_corners_and_its_task_is_open(name: str) -> None:
+    mechanism = ROBOTS[name].mechanism
+    rng = np.random.default_rng(3)
+    limits = np.array([(max(joint.lower, -np.pi), min(joint.upper, np.pi)) for joint in mechanism.joints]).T
+    solved = (
+        mechanism.posture(tuple(q), mechanism.usual_assembly_mode) for q in rng.uniform(*limits, (500, limits.shape[1]))
+    )
+    at = next(at for at in solved if at.status == irs.Status.SOLVED)
+    corners = np.array(at.attachments)
+    assert mechanism.radius == pytest.approx(np.hypot(*corners.T).max())
+    assert mechanism.diameter == pytest.approx(np.hypot(*(corners[:, None] - corners).transpose(2, 0, 1)).max())
+    assert {(axis.lower, axis.upper) for axis in mechanism.task} == {(-np.inf, np.inf)}
