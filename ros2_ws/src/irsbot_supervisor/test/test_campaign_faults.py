@@ -326,11 +326,22 @@ def test_an_interrupted_campaign_has_written_the_rows_that_were_done(
     assert "| garbage | 7 | 0 | 0 |" in table.read_text()
 
 
+def test_a_part_of_a_row_has_the_cases_that_are_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[runner.Order] = []
+    monkeypatch.setattr(runner, "run_rows", lambda orders, *_: iter(asked.extend(orders) or ()))
+    faults(only=["adversary", "delivery"], robot=["rpr3", "ruu4"], cases=30, seed=2)
+    assert [(order.amount, order.seed, order.robots) for order in asked] == [(30, 2, ("rpr3", "ruu4")), (30, 2, ())]
+
+
 @pytest.mark.parametrize(
     ("words", "stated"),
-    [(("--only", "typhoon"), "no row 'typhoon'; there are approach"), (("--robot", "hexapod"), "robot 'hexapod'")],
+    [
+        (("--only", "typhoon"), "no row 'typhoon'; there are approach"),
+        (("--robot", "hexapod"), "robot 'hexapod'"),
+        (("--quick", "--cases", "5"), "--quick and --cases"),
+    ],
 )
-def test_an_unknown_row_or_robot_is_refused_in_one_line(words: tuple[str, str], stated: str) -> None:
+def test_a_campaign_that_cannot_be_run_is_refused_in_one_line(words: tuple[str, ...], stated: str) -> None:
     done = irsbot("faults", *words)
     assert done.returncode == 2
     assert stated in done.stderr

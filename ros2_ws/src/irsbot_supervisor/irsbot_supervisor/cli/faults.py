@@ -26,6 +26,9 @@ def faults(
     only: Annotated[list[str] | None, typer.Option(help="run this row alone; may be repeated")] = None,
     robot: Annotated[list[str] | None, typer.Option(help="of rows over all robots, these alone")] = None,
     quick: Annotated[bool, typer.Option("--quick", help="a small share of every row: a minute")] = False,
+    cases: Annotated[
+        int | None, typer.Option(help="of every row, all robots together; a full campaign if left out", min=1)
+    ] = None,
     seed: Annotated[int, typer.Option(help="of all random numbers", min=0)] = 1,
     scheduler: SchedulerOption = None,
     workers: Annotated[
@@ -53,7 +56,11 @@ def faults(
     if unknown := sorted(set(robot or ()) - set(supervised())):
         refuse(f"no settings are shipped for robot '{unknown[0]}'; there are some for {', '.join(supervised())}")
     entries = [entry for entry in ENTRIES if not only or entry.name in only]
+    if quick and cases is not None:
+        refuse("--quick and --cases both say how many cases to try: leave one of them out")
     orders = _orders(entries, quick, seed, tuple(robot or ()), len(supervised()))
+    if cases is not None:
+        orders = [order._replace(amount=cases) for order in orders]
     with Progress(
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), console=err
     ) as bars:
