@@ -46,8 +46,8 @@ DESIGNS = ("design_check", "design_sweep", "design_distal", "design_proximal")
 
 OWN: dict[str, tuple[str, ...]] = {
     "branched_platform": ("crank_platforms", "crank_branches", "rod_platform"),
-    "crank_platform": ("crank_platforms", "crank_branches"),
-    "delta_family": ("delta_family",),
+    "crank_platform": ("crank_platforms", "crank_bounds", "crank_branches"),
+    "delta_family": ("delta_bounds", "delta_family"),
     "delta_kinematics": ("delta_family",),
     "geometry_checks": ("geometry",),
     "irsbot2": ("irsbot2", "irsbot2_space", "planar_indices"),
@@ -58,8 +58,8 @@ OWN: dict[str, tuple[str, ...]] = {
     "planar_pair": ("irsbot2", "planar_indices", "bounds_of_many"),
     "rod_platform": ("rod_platform",),
     "rrr3": ("rrr3", "rrr3_bounds", "sliding_platform"),
-    "rrr3_base": ("crank_platforms", "crank_branches"),
-    "ruu4": ("crank_platforms", "crank_branches", "ruu4_limbs"),
+    "rrr3_base": ("crank_platforms", "crank_bounds", "crank_branches"),
+    "ruu4": ("crank_platforms", "crank_bounds", "crank_branches", "ruu4_limbs"),
     "sliding_platform": ("sliding_platform",),
     "turning_platform": ("rrr3_bounds", "sliding_platform"),
 }
