@@ -180,7 +180,7 @@ def _follow(suite: Suite, watch: Any, timeline: _Timeline, stops: bool, limit_s:
     """Watch until the robot had time to stand after a stop, its work is done, or nothing more can come. A stop before
     the work is reset, as an operator would."""
     limit_s -= 0.0 if stops else GRACE_S - AFTERWARDS_S
-    worked, asked_s, deadline = False, -inf, time.monotonic() + STARTING_S
+    worked, asked_s, deadline = False, -inf, time.monotonic() + limit_s
     while time.monotonic() < deadline:
         watch.look(0.05)
         suite.check()
