@@ -86,7 +86,7 @@ CORE: dict[str, tuple[str, ...]] = {
     "box_search": ("stopping", "velocity_gate"),
     "bypass": (*BYPASSES, *SUPERVISORS),
     "escape": ("escape", *SUPERVISORS, "velocity_gate"),
-    "latch": ("latch", *SUPERVISORS),
+    "latch": ("latch_record", "latch", *SUPERVISORS),
     "margins": ("escape", "policy", "settings", *SUPERVISORS, "stopping"),
     "policy": ("policy", *SUPERVISORS),
     "position_limits": ("position_limits", *SUPERVISORS),

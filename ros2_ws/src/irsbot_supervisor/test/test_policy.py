@@ -193,6 +193,7 @@ def test_joints_without_a_pose_are_unknown(status, gap):
     at = AT._replace(status=status, gaps=(gap, nan))
     finding = only(judge(GOOD, at=at))  # even with an outlook that promises everything
     assert (finding.cause, finding.level) == (Cause.NOT_ASSEMBLED, Level.UNKNOWN)
+    assert (finding.value, finding.limit, finding.unit) == (pytest.approx(gap, nan_ok=True), 0.0, "m")
     assert [finding.cause for finding in judge(None, at=at, branch="lost")] == [Cause.NOT_ASSEMBLED, Cause.BRANCH]
 
 
@@ -222,3 +223,46 @@ def test_the_worst_leg_counts_and_what_a_robot_does_not_have_cannot_fall():
     at = AT._replace(normalised_levers=(-0.2, 0.7), cos_pressure=(0.6, 0.5), constraint=nan, limb=())
     assert margins_of(at) == (0.2, 0.5, inf, inf)
     assert margins_of(at._replace(constraint=0.3, limb=(0.8, 0.1))) == (0.2, 0.5, 0.3, 0.1)
+
+
+# --- values -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_values_of_rates_and_forces_are_sizes(sign):
+    speed = only(judge(velocity=(sign * 4.0, 5.0)))
+    assert (speed.value, speed.limit, speed.unit) == (4.0, 3.0, "rad/s")
+    force = only(judge(reaction=(sign * 250.0, 0.0), reaction_check="warn"))
+    assert (force.value, force.limit, force.unit) == (250.0, 100.0, "N")
+    assert f"{sign * 250.0:.1f}" in force.text
+
+
+def test_a_force_that_is_not_known_is_given_as_no_number():
+    assert "nan" not in only(judge(reaction=(nan, 0.0), reaction_check="warn")).text
+
+
+@pytest.mark.parametrize(("certified", "stated"), [(0.0, False), (0.05, True)])
+def test_a_finding_until_standstill_states_what_is_certified_if_anything_is(certified, stated):
+    assert (f"{certified:.4f}" in only(judge(with_value(1, certified))).text) is stated
+
+
+@pytest.mark.parametrize(("expected_s", "stated"), [(0.01, False), (0.123, True)])
+def test_a_finding_until_standstill_states_when_the_next_sample_is_judged_if_that_is_late(expected_s, stated):
+    """Later than a heartbeat, 10 ms."""
+    estimate = Estimate(
+        1, 1, 1, AT.joints, (0.0, 0.0), (), Speeds((0.0,) * 2, (0.0,) * 2), 0.2, expected_s, inf, 0.0, 0.0
+    )
+    policy = Policy(SETTINGS, ROBOT.mechanism.joints)
+    (finding,) = policy.judge(estimate, Assessment(AT, GOOD, ""), with_value(1, 0.05), (), 0)
+    assert (f"{1e3 * expected_s:.0f} ms" in finding.text) is stated
+
+
+@pytest.mark.parametrize(
+    ("certified", "kind"), [((0.12, 0.09, 0.5, 0.9), 0), ((0.3, 0.3, 0.03, 0.9), 2), ((0.9, 0.9, inf, 0.2), 3)]
+)
+def test_late_samples_are_named_with_the_margin_that_lacks_most(certified, kind):
+    """Not the smallest: the one that is farthest below its own stop limit."""
+    estimate = Estimate(1, 1, 1, AT.joints, (0.0, 0.0), (), Speeds((0.0,) * 2, (0.0,) * 2), 0.2, 0.1, inf, 0.0, 0.0)
+    finding = Policy(SETTINGS, ROBOT.mechanism.joints).rare(estimate, certified)
+    assert (finding.cause, finding.level) == (Cause.STALE, Level.UNKNOWN)
+    assert (finding.value, finding.limit) == (certified[kind], STOP[kind])

@@ -234,3 +234,44 @@ def test_times_and_values_are_handed_on_unchanged():
     given = sample(7, Q, V, age_ms=3, effort=TAU)
     answer = intake().check(given)
     assert answer == Accepted(given.stamp_ns, given.stamp_ns + 3 * MS, given.seen_ns, Q, V, TAU)
+
+
+# --- limits to the digit ----------------------------------------------------------------------------------------
+
+
+def timed(stamp_ns: int, received_ns: int, position: tuple[float, ...] = Q) -> JointSample:
+    return JointSample(stamp_ns, received_ns, received_ns, JOINTS, position, (), ())
+
+
+def test_the_first_stamp_of_a_simulated_time_is_accepted_and_zero_is_none():
+    assert isinstance(intake().check(timed(1, 1)), Accepted)
+    assert cause(intake().check(timed(0, 1))) == Cause.STAMP
+
+
+def test_a_simulated_time_may_begin_again_with_its_first_nanosecond():
+    door = intake()
+    assert isinstance(door.check(timed(10**10, 10**10)), Accepted)
+    assert isinstance(door.check(timed(1, 1)._replace(seen_ns=2 * 10**10)), Accepted)
+
+
+def test_a_stamp_of_the_future_is_refused_while_a_simulated_time_has_only_begun():
+    """Both together are still less than the age limit, 50 ms."""
+    assert cause(intake().check(timed(30 * MS, 5 * MS))) == Cause.STAMP
+
+
+@pytest.mark.parametrize(
+    ("stamp_ns", "received_ns", "stated"),
+    [(1, 10**9, "1.000"), (10**12, 10**12 + 300 * MS, "0.300"), (10**12, 10**12 - 300 * MS, "0.300")],
+)
+def test_a_refused_stamp_is_given_with_its_distance_from_now(stamp_ns, received_ns, stated):
+    answer = intake().check(timed(stamp_ns, received_ns))
+    assert cause(answer) == Cause.STAMP
+    assert f" {stated} s" in answer.text
+
+
+@pytest.mark.parametrize(("far", "accepted"), [(1e6, True), (1e6 + 0.5, False)])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_position_is_at_most_a_million(far, accepted, sign):
+    answer = intake().check(timed(10**12, 10**12, (0.0, sign * far)))
+    assert isinstance(answer, Accepted) is accepted
+    assert accepted or cause(answer) == Cause.IMPLAUSIBLE
