@@ -48,7 +48,7 @@ OWN: dict[str, tuple[str, ...]] = {
     "branched_platform": ("crank_platforms", "crank_branches", "rod_platform"),
     "crank_platform": ("crank_platforms", "crank_bounds", "crank_branches"),
     "delta_family": ("delta_bounds", "delta_family"),
-    "delta_kinematics": ("delta_family",),
+    "delta_kinematics": ("delta_edges", "delta_family"),
     "geometry_checks": ("geometry",),
     "irsbot2": ("irsbot2", "irsbot2_space", "planar_indices"),
     "irsbot2_space": ("irsbot2_space", "bounds_of_many", *DESIGNS),

@@ -14,7 +14,9 @@ from cranks import HOME, ROBOTS, TRIANGLES, every_robot, layout, random_poses, r
 import irsbot_kinematics as irs
 from irsbot_kinematics import Robot
 from irsbot_kinematics.bounds.boxes import Change
+from irsbot_kinematics.bounds.quadratics import numbers
 from irsbot_kinematics.mechanism import Posture
+from irsbot_kinematics.mechanisms.crank_platform import _direction
 from irsbot_kinematics.mechanisms.rrr3_base import Rrr3Base, Rrr3BaseGeometry
 from irsbot_kinematics.mechanisms.ruu4 import Ruu4, Ruu4Geometry
 from irsbot_kinematics.mechanisms.turning_platform import TurningPlatform
@@ -138,6 +140,46 @@ def test_the_closing_equation_has_no_unit(scale: float) -> None:
             assert np.abs(at_pose).max() < 1e-9 * np.abs(values[0]).max()
 
 
+@every_robot
+def test_a_rod_turns_per_motion_of_its_end_by_what_the_triangle_of_crank_and_rod_leaves(name: str) -> None:
+    """Within half the smallest reach: (1 + 1/sine)/rod per metre."""
+    robot, rng = ROBOTS[name], np.random.default_rng(38)
+    _, _, l1, l2 = layout(robot)
+    for q, x, _ in random_poses(robot, rng, 20, 0.05):
+        at = posture(robot, q, x)
+        ball = 0.5 * min(at.reach)
+        X, Y, z = (rods(robot, q, x) + l1 * np.stack([np.cos(q), np.sin(q), 0.0 * q], axis=1)).T
+        near, far = np.hypot(np.hypot(X, Y) - l1, z) + ball, np.hypot(np.hypot(X, Y) + l1, z) - ball
+        sine = np.sqrt(min((far**2 - l2**2) * (l2**2 - near**2))) / (2.0 * l1 * l2)
+        assert robot.mechanism.turn_rate(at) == pytest.approx((ball, (1.0 + 1.0 / sine) / l2))
+        assert sine <= min(at.type1)
+        for reach in (0.0, 100.0):  # no room, and a ball beyond everything
+            nothing = at._replace(reach=(reach,) * len(q))
+            assert robot.mechanism.turn_rate(nothing) == (0.0, np.inf)
+            assert robot.mechanism.clearance(nothing) == 0.0
+
+
+@pytest.mark.parametrize(("joint", "n", "effects"), [(0, 3, 0), (2, 3, 3), (3, 4, 4)])
+def test_the_direction_of_a_crank_is_its_parabola_and_a_rest_of_third_order(joint: int, n: int, effects: int) -> None:
+    s, used = np.linspace(-1.0, 1.0, 401), []
+    for q, travel in product((0.0, 0.4, 1.5, 3.0, -2.0), (1e-3, 0.1, 0.5)):
+        for value, slope in ((np.cos, -sin(q)), (np.sin, cos(q))):
+            stated = _direction(joint, n, numbers(n, effects), float(value(q)), slope, travel)
+            assert np.count_nonzero(stated) <= 4
+            parabola = stated[0] + stated[1 + joint] * s + stated[1 + n + joint] * s * s
+            off = np.abs(value(q + s * travel) - parabola).max()
+            assert off <= stated[-1] * (1.0 + 1e-6)
+            used.append(off / stated[-1])
+    assert max(used) > 0.95
+
+
+@pytest.mark.parametrize(("name", "ranks"), [("equilateral", 3), ("4-RUU", 6)])
+def test_every_rank_of_either_sign_is_named_once(name: str, ranks: int) -> None:
+    mechanism = ROBOTS[name].mechanism
+    assert sorted(mechanism.assembly_modes) == sorted(sign * rank for rank in range(1, ranks + 1) for sign in (1, -1))
+    assert len(set(mechanism.working_modes)) == len(mechanism.working_modes) == 2 ** len(mechanism.joints)
+
+
 # --- the constraint of the 4-RUU -----------------------------------------------------------------------------------
 
 
@@ -172,9 +214,17 @@ def test_a_rest_costs_of_the_constraint_what_its_first_two_orders_turn() -> None
             left = at.constraint - np.linalg.norm(turned) / np.sqrt(2.0)
             expected = max(left, 0.0) if share < 1.0 else 0.0
             assert RUU4.constraint_over(at, met) == pytest.approx(expected, abs=ROUNDING)
-    across = SimpleNamespace(screws=[(1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0)] * 2)
-    upright = SimpleNamespace(changes=[Change([[0.0] * 3] * 4, 0.0, rest) for rest in (1.0, 0.0, 0.0, 0.0)])
-    assert RUU4.constraint_over(across, upright) == 0.0  # type: ignore[arg-type]
+
+
+def test_a_rod_that_is_upright_or_can_become_so_leaves_nothing_of_the_constraint() -> None:
+    """Of an upright rod any motion turns the couple to wherever it may."""
+    still, level = [[0.0] * 3] * 4, [(1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0)] * 2
+    across = SimpleNamespace(screws=level, constraint=1.0)
+    upright = SimpleNamespace(screws=[*level[:3], (0.0, 0.0, 1.0, 0.0)], constraint=0.5)
+    for at, most, rest in ((across, 0.0, 1.0), (across, 1.0, 0.0), (upright, 0.1, 0.0), (upright, 0.0, 0.1)):
+        met = SimpleNamespace(changes=[*[Change(still, 0.0, 0.0)] * 3, Change(still, most, rest)])
+        assert RUU4.constraint_over(at, met) == 0.0
+    assert RUU4.constraint_floor(upright, 0.1) == 0.0
 
 
 @pytest.mark.parametrize("share", [1.0, 0.01])
@@ -209,6 +259,9 @@ def test_a_platform_joint_may_be_the_platform_point_but_not_all_of_them() -> Non
     assert Rrr3Base(replace(TRIANGLES, b2=(0.0, 0.0))).radius > 0.0
     with pytest.raises(irs.InvalidGeometry, match=r"> 0, got 0$"):
         replace(TRIANGLES, b1=(0.0, 0.0), b2=(0.0, 0.0), b3=(0.0, 0.0))
+    for length in ("l1", "l2"):
+        with pytest.raises(irs.InvalidGeometry, match=rf"{length} > 0, got 0$"):
+            replace(TRIANGLES, **{length: 0.0})
     for name, point in (("a2", (0.1, 0.2, 0.3)), ("b3", (0.1,))):
         with pytest.raises(irs.InvalidGeometry, match=name):
             replace(TRIANGLES, **{name: point})
