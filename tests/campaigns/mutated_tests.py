@@ -94,7 +94,7 @@ CORE: dict[str, tuple[str, ...]] = {
     "report": (*SUPERVISORS, "diagnostics"),
     "speaker": (*SUPERVISORS, *BYPASSES),
     "seed_pose": ("branches", "supervisor_stops"),
-    "settings": ("settings", "feasibility", "proposal"),
+    "settings": ("settings_values", "settings", "feasibility", "proposal"),
     "stop_monitor": ("stop_monitor", *SUPERVISORS),
     "stopping": ("stopping", "position_limits", "quiet_boxes", "velocity_gate"),
     "summary": ("summary",),

@@ -6,7 +6,7 @@ import pytest
 from bypassed import bypass
 from hypothesis import given
 from hypothesis import strategies as st
-from supervised import MS, at_ns, settings_of
+from supervised import at_ns, settings_of
 
 from irsbot_msgs_py.records import Cause, Finding, Level
 from irsbot_supervisor.core.latch import Judgement, Latch
