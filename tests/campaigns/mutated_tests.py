@@ -69,10 +69,10 @@ ALL_KINDS = ("five_bar", "orthoglide", "rrr3", "rpr3", "ruu4")
 """A robot of each kind; rrr3 names rrr3_base, too."""
 
 BOUNDS: dict[str, tuple[str, ...]] = {
-    "displacement": ("displacement_inequalities", "displacement", "geometry_errors"),
+    "displacement": ("displacement_inequalities", "bounds_derived", "displacement", "geometry_errors"),
     "boxes": ("box_rods", "boxes", "geometry_errors"),
     "quadratics": ("quadratics", "box_rods", "boxes"),
-    "sizes": ("box_rods", "bounds_of_many", "boxes"),
+    "sizes": ("bounds_derived", "box_rods", "bounds_of_many", "boxes"),
     "type2_over_box": ("type2_over_box", "box_rods", "boxes", "geometry_errors"),
     "columns": ("bounds_of_many",),
 }
@@ -113,8 +113,10 @@ def tests_of(module: str) -> tuple[list[str], str]:
     if package == "irsbot_supervisor":
         return [SUPERVISOR.format(test) for test in CORE.get(name, ESTIMATION)], ""
     if folder == "bounds":
-        own = ("test_displacement", "test_box_rods", "test_quadratics", "test_bounds_of_many", "test_type2_over_box")
-        return [KINEMATICS.format(test) for test in BOUNDS[name]], " or ".join((*ALL_KINDS, *own))
+        own = ("displacement", "box_rods", "quadratics", "bounds_of_many", "bounds_derived", "type2_over_box")
+        return [KINEMATICS.format(test) for test in BOUNDS[name]], " or ".join(
+            [*ALL_KINDS, *(f"test_{test}" for test in own)]
+        )
     alone = dict.fromkeys((*OWN.get(name, ()), "geometry"))
     keyword = " or ".join([*ROBOTS.get(name, (name,)), *(f"test_{test}.py" for test in alone)])
     return [KINEMATICS.format(test) for test in dict.fromkeys((*alone, *EVERY_ROBOT))], keyword

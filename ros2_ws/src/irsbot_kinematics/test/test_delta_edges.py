@@ -12,6 +12,7 @@ import irsbot_kinematics as irs
 from irsbot_kinematics import Status
 from irsbot_kinematics.mechanism import Mechanism
 from irsbot_kinematics.mechanisms.linear_delta import LinearDelta, LinearDeltaGeometry
+from irsbot_kinematics.numerics.arithmetic import FLOATS
 from irsbot_kinematics.numerics.tolerances import FARTHEST
 from irsbot_kinematics.skeleton import bars
 
@@ -45,7 +46,7 @@ def test_slides_that_are_apart_by_less_than_can_be_told_have_no_pose(apart: floa
 
 
 @pytest.mark.parametrize("along", [*AXES, *SLANTED])
-def test_the_rods_of_a_drawing_end_at_the_platform_point_for_rails_of_every_direction(
+def test_a_drawing_and_the_inverse_belong_to_the_posture_for_rails_of_every_direction(
     along: tuple[float, float, float],
 ) -> None:
     others = np.linalg.svd(np.array([along]))[2][1:].tolist()
@@ -58,6 +59,9 @@ def test_the_rods_of_a_drawing_end_at_the_platform_point_for_rails_of_every_dire
         at = mechanism.posture(tuple(q), 1)
         if at.status != Status.SOLVED:
             continue
+        joints, reach = mechanism.inverse(FLOATS, at.pose, at.working_mode)
+        assert joints == pytest.approx(q, abs=1e-9)
+        assert reach == pytest.approx(at.reach, abs=1e-9)
         positions = skeleton.closing(tuple(q), at.pose) | dict(zip(skeleton.drives, q, strict=True))
         for number, ((origin, way), rail, slide) in enumerate(zip(mechanism.rails, skeleton.rails, q, strict=True), 1):
             (rod,) = [bar for bar in bars(skeleton, positions) if bar.link == f"rod_{number}"]
