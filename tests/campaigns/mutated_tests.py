@@ -45,17 +45,18 @@ ROBOTS: dict[str, tuple[str, ...]] = {
 DESIGNS = ("design_check", "design_sweep", "design_distal", "design_proximal")
 
 OWN: dict[str, tuple[str, ...]] = {
+    "five_bar": ("planar_bounds",),
     "branched_platform": ("crank_platforms", "crank_branches", "rod_platform"),
     "crank_platform": ("crank_platforms", "crank_bounds", "crank_branches"),
     "delta_family": ("delta_bounds", "delta_family"),
     "delta_kinematics": ("delta_edges", "delta_family"),
     "geometry_checks": ("geometry",),
-    "irsbot2": ("irsbot2", "irsbot2_space", "planar_indices"),
+    "irsbot2": ("irsbot2", "planar_bounds", "irsbot2_space", "planar_indices"),
     "irsbot2_space": ("irsbot2_space", "bounds_of_many", *DESIGNS),
     "planar_columns": ("bounds_of_many",),
-    "planar_kinematics": ("irsbot2", "planar_indices"),
-    "planar_loop": ("irsbot2", "planar_indices", "workspace_maps"),
-    "planar_pair": ("irsbot2", "planar_indices", "bounds_of_many"),
+    "planar_kinematics": ("irsbot2", "planar_bounds", "planar_indices"),
+    "planar_loop": ("irsbot2", "planar_bounds", "planar_indices", "workspace_maps"),
+    "planar_pair": ("irsbot2", "planar_bounds", "planar_indices", "bounds_of_many"),
     "rod_platform": ("rod_platform",),
     "rrr3": ("rrr3", "rrr3_bounds", "sliding_platform"),
     "rrr3_base": ("crank_platforms", "crank_bounds", "crank_branches"),
