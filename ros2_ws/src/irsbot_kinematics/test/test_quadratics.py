@@ -77,6 +77,25 @@ def test_products_sums_and_sizes_hold_for_all_joints_and_remainders(n):
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 4])
+@pytest.mark.parametrize("m", [0, 3])
+def test_remainders_are_met_where_everything_is_at_its_end_and_adds_up(n, m):
+    """Of quantities without a negative number all terms that are left out of a product are positive there."""
+    a, b, c, d = np.random.default_rng(53).uniform(0.1, 1.0, (4, numbers(n, m))).tolist()
+    for stated, exact in (
+        (multiplied(n, a, b), sum(a) * sum(b)),
+        (dot(n, [a, c], [b, d]), sum(a) * sum(b) + sum(c) * sum(d)),
+        (plus(a, b), sum(a) + sum(b)),
+        (scaled(a, 3.0), 3.0 * sum(a)),
+        (combined((0.5, 2.0), [a, b]), 0.5 * sum(a) + 2.0 * sum(b)),
+    ):
+        assert largest(stated) == pytest.approx(exact, rel=1e-12)
+    assert besides(n, a) == pytest.approx(sum(a) - a[0] - sum(a[1 : 1 + n]), rel=1e-12)
+    assert minus(a, b)[-1] == a[-1] + b[-1]
+    assert scaled(a, -3.0)[-1] == 3.0 * a[-1]
+    assert combined((-0.5, -2.0), [a, b])[-1] == pytest.approx(0.5 * a[-1] + 2.0 * b[-1])
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4])
 def test_values_at_the_corners_are_those_of_the_polynomial(n):
     a = random_quantity(np.random.default_rng(52), n, n)
     corners = np.array([[1.0 if corner >> j & 1 else -1.0 for j in range(n)] for corner in range(2**n)])
