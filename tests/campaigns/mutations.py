@@ -26,6 +26,7 @@ import tempfile
 from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from itertools import zip_longest
 from pathlib import Path
 from queue import SimpleQueue
@@ -197,12 +198,23 @@ def _pytest(folder: Path, stated: Path, words: list[str]) -> None:
     os._exit(int(code))
 
 
-def excused(mutant: Mutant) -> bool:
-    """Whether the list of equivalent mutants holds it: by its module, its line's text and its change."""
-    source = (SRC / mutant.module.split("/")[0] / mutant.module).read_text(encoding="utf-8")
-    what = mutant.module, source.splitlines()[mutant.line - 1].strip(), mutant.before, mutant.after
+@cache
+def equivalent() -> frozenset[tuple[str, str, str, str]]:
+    """The list of equivalent mutants: module, text of the line, before, after."""
     listed = yaml.safe_load(EQUIVALENT.read_text(encoding="utf-8")) or []
-    return what in [(entry["module"], entry["line"], entry["before"], entry["after"]) for entry in listed]
+    return frozenset((entry["module"], entry["line"], entry["before"], entry["after"]) for entry in listed)
+
+
+@cache
+def lines_of(module: str) -> list[str]:
+    """Lines of a module of the tree, stripped."""
+    source = (SRC / module.split("/")[0] / module).read_text(encoding="utf-8")
+    return [line.strip() for line in source.splitlines()]
+
+
+def excused(mutant: Mutant) -> bool:
+    """Whether the list of equivalent mutants holds it."""
+    return (mutant.module, lines_of(mutant.module)[mutant.line - 1], mutant.before, mutant.after) in equivalent()
 
 
 class Judges:
