@@ -103,6 +103,7 @@ CORE: dict[str, tuple[str, ...]] = {
     "supervisor": (*SUPERVISORS, *BYPASSES, "branches", "sim_faults"),
     "validation": ("validation", *ESTIMATORS, *SUPERVISORS),
     "observer": ("observer", *ESTIMATORS, "velocity_gate"),
+    "sample_interval": ("sample_interval", *ESTIMATORS, "supervisor_late", "supervisor_samples"),
 }
 ESTIMATION = (*ESTIMATORS, "validation", "samples", *SUPERVISORS)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import MISSING, asdict, fields, replace
+from re import fullmatch
 
 import pytest
 from supervised import settings_of
@@ -174,3 +175,15 @@ def test_every_range_of_positions_has_room(low: list[float]) -> None:
 def test_bending_adds_to_the_errors_of_the_geometry_where_it_counts(word: str, slack_m: float) -> None:
     settings = replace(settings_of()[0], geometry_tolerance_m=0.001, compliance_slack_m=0.002, compliance=word)
     assert settings.slack_m == pytest.approx(slack_m)
+
+
+# --- the hash -------------------------------------------------------------------------------------------------------
+
+
+def test_the_hash_of_settings_is_sixteen_hexadecimal_digits() -> None:
+    assert fullmatch("[0-9a-f]{16}", settings_of()[0].config_hash)
+
+
+def test_bare_settings_leave_names_and_modes_to_the_robot() -> None:
+    bare = Settings()
+    assert (bare.joint_names, bare.working_mode, bare.assembly_mode) == ((), (), 0)
