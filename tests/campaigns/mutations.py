@@ -30,7 +30,7 @@ from functools import cache
 from itertools import zip_longest
 from pathlib import Path
 from queue import SimpleQueue
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import hypothesis  # noqa: F401  loaded once for all
 import numpy as np  # noqa: F401
@@ -199,10 +199,10 @@ def _pytest(folder: Path, stated: Path, words: list[str]) -> None:
 
 
 @cache
-def equivalent() -> frozenset[tuple[str, str, str, str]]:
-    """The list of equivalent mutants: module, text of the line, before, after."""
+def equivalent() -> dict[tuple[str, str, str, str], dict[str, Any]]:
+    """The list of equivalent mutants: module, text of the line, before, after -> entry."""
     listed = yaml.safe_load(EQUIVALENT.read_text(encoding="utf-8")) or []
-    return frozenset((entry["module"], entry["line"], entry["before"], entry["after"]) for entry in listed)
+    return {(entry["module"], entry["line"], entry["before"], entry["after"]): entry for entry in listed}
 
 
 @cache
@@ -212,9 +212,15 @@ def lines_of(module: str) -> list[str]:
     return [line.strip() for line in source.splitlines()]
 
 
+def entry_of(mutant: Mutant) -> tuple[str, str, str, str]:
+    """Where the list of equivalent mutants would hold it."""
+    return mutant.module, lines_of(mutant.module)[mutant.line - 1], mutant.before, mutant.after
+
+
 def excused(mutant: Mutant) -> bool:
-    """Whether the list of equivalent mutants holds it."""
-    return (mutant.module, lines_of(mutant.module)[mutant.line - 1], mutant.before, mutant.after) in equivalent()
+    """Whether the list of equivalent mutants holds it: at every column, if the entry names none."""
+    entry = equivalent().get(entry_of(mutant))
+    return entry is not None and mutant.column == entry.get("column", mutant.column)
 
 
 class Judges:

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from postures import some_postures
 from singular_points import parallel_rods
 
 import irsbot_kinematics as irs
-from irsbot_kinematics import Posture
 from irsbot_kinematics.mechanisms.planar_pair import _least_sine as least_sine
 from irsbot_kinematics.mechanisms.planar_pair import _opening as opening
 
@@ -20,17 +20,6 @@ Array = NDArray[np.float64]
 
 FIVE_BAR = irs.make_robot("five_bar").mechanism
 SHARES = np.linspace(-1.0, 1.0, 9)
-
-
-def some_postures(mechanism: Any, number: int, least: float = 0.0) -> list[Posture]:
-    rng = np.random.default_rng(4)
-    asked = (
-        mechanism.posture(tuple(q), mechanism.assembly_modes[k % 2])
-        for k, q in enumerate(rng.uniform(-np.pi, np.pi, (20 * number, 2)).tolist())
-    )
-    found = [at for at in asked if at.status == irs.Status.SOLVED and min(*at.type1, at.type2) > least]
-    assert len(found) >= number
-    return found[:number]
 
 
 def sides(rod: float, error: float, low: float, high: float) -> tuple[Array, Array, Array]:
@@ -91,7 +80,7 @@ def test_the_type_2_bound_of_an_inexact_five_bar_is_that_of_its_worst_triangle(
 ) -> None:
     """Elbows go by the cranks' travel and by the errors of motor and crank, rods are off by the slack."""
     g, ends = FIVE_BAR.geometry, (1.0 + np.sqrt(2.0)) * slack
-    for at in some_postures(FIVE_BAR, 30, 0.1):
+    for at in some_postures(irs.make_robot("five_bar"), 30, seed=4, least=0.1):
         path = g.l1 * sum(travel) + 2.0 * ends
         a, b, d = sides(g.l2, slack, at.gaps[1] - path, at.gaps[1] + path)
         cosine = (a * a + b * b - d * d) / (2.0 * a * b)
@@ -104,8 +93,9 @@ def test_the_type_2_bound_of_an_inexact_five_bar_is_that_of_its_worst_triangle(
 @pytest.mark.parametrize("name", ["five_bar", "irsbot2_beta45"])
 def test_a_slack_that_tends_to_nothing_leaves_at_least_the_bounds_of_the_exact_machine(name: str) -> None:
     """The exact ones are of the ways of the elbows alone; here the better of two bounds of a turn counts."""
-    mechanism = irs.make_robot(name).mechanism
-    for at in some_postures(mechanism, 60, 0.1):
+    robot = irs.make_robot(name)
+    mechanism = robot.mechanism
+    for at in some_postures(robot, 60, seed=4, least=0.1):
         exact, nearly = (mechanism.certified_bounds(at, (4e-3, 9e-3), slack) for slack in (0.0, 1e-13))
         assert nearly.type2 == pytest.approx(exact.type2, abs=1e-9)
         assert np.all(np.array(nearly.type1) >= np.array(exact.type1) - 1e-9)
@@ -115,14 +105,15 @@ def test_a_slack_that_tends_to_nothing_leaves_at_least_the_bounds_of_the_exact_m
 @pytest.mark.parametrize("lengths", [{}, {"l1": 0.3, "b": 0.1}, {"l1": 0.2, "b": 0.25}])
 def test_the_clearance_of_a_five_bar_whose_rods_are_never_in_line_is_exact(lengths: dict[str, float]) -> None:
     """The nearer of the boundary and the curve of parallel rods of the working mode, scanned."""
-    mechanism = irs.make_robot("five_bar", **lengths).mechanism
+    robot = irs.make_robot("five_bar", **lengths)
+    mechanism = robot.mechanism
     g, number = mechanism.geometry, 8000
     drawn: Any = SimpleNamespace(b0=g.b, l1=g.l1, l2eq=g.l2, e=0.0)
     curve = parallel_rods(drawn, number)
     psi = np.tile(np.linspace(-np.pi, np.pi, number, endpoint=False), max(len(curve.x) // number, 1))
     signs = np.sign(np.sin(curve.q - psi[: len(curve.q), None])).astype(int)
     by_curve = 0
-    for at in some_postures(mechanism, 400):
+    for at in some_postures(robot, 400, seed=4):
         of_mode = (signs == at.working_mode).all(axis=1)
         away = np.hypot(curve.x[of_mode] - at.pose[0], curve.z[of_mode] - at.pose[1]).min(initial=np.inf)
         by_curve += away < min(at.reach)
@@ -132,8 +123,9 @@ def test_the_clearance_of_a_five_bar_whose_rods_are_never_in_line_is_exact(lengt
 
 @pytest.mark.parametrize("name", ["irsbot2", "irsbot2_csc", "five_bar"])
 def test_the_clearance_of_a_mirrored_posture_is_the_same(name: str) -> None:
-    mechanism = irs.make_robot(name).mechanism
-    for at in some_postures(mechanism, 40, 0.02):
+    robot = irs.make_robot(name)
+    mechanism = robot.mechanism
+    for at in some_postures(robot, 40, seed=4, least=0.02):
         image = tuple((np.pi - np.array(at.joints[::-1])).tolist())
         met = [mechanism.posture(image, label) for label in mechanism.assembly_modes]
         mirrored = min(met, key=lambda one: np.hypot(one.pose[0] + at.pose[0], one.pose[1] - at.pose[1]))
@@ -142,11 +134,12 @@ def test_the_clearance_of_a_mirrored_posture_is_the_same(name: str) -> None:
 
 def test_the_foot_of_a_leg_has_no_bound_where_its_arm_may_point_along_an_axis() -> None:
     for beta in (0.2, 1.4):
-        mechanism = irs.make_robot("irsbot2", beta=beta, b=0.45).mechanism
+        robot = irs.make_robot("irsbot2", beta=beta, b=0.45)
+        mechanism = robot.mechanism
         edge = mechanism.geometry.a1 * min(beta, 0.5 * np.pi - beta)
         assert np.isfinite(mechanism.foot_error(0.999 * edge))
         assert mechanism.foot_error(1.001 * edge) == np.inf
-        at = some_postures(mechanism, 1, 0.05)[0]
+        at = some_postures(robot, 1, seed=4, least=0.05)[0]
         assert mechanism.parts_left(at, 0.0, 1.001 * edge) == (0.0, 0.0, *at.parts[2:])
         assert mechanism.parts_left(at, 0.0, 1e-12) == pytest.approx(at.parts, abs=1e-9)
 

@@ -7,34 +7,23 @@ from itertools import product
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from postures import some_postures
 
 import irsbot_kinematics as irs
-from irsbot_kinematics import Posture, Status
+from irsbot_kinematics import Posture
 from irsbot_kinematics.mechanism import Mechanism
 
 Array = NDArray[np.float64]
 
 ROBOT = irs.make_robot("rrr3")
 MECHANISM = ROBOT.mechanism
-RB, RP, LINK = 0.35, 0.10, 0.40
-CORNERS = np.array([[np.cos(a), np.sin(a)] for a in np.deg2rad([210.0, 330.0, 90.0])])
-
-
-def some_postures(number: int, seed: int = 1, least: float = 0.0) -> list[Posture]:
-    """Of all assembly modes in turn; least: of their margins."""
-    rng, found = np.random.default_rng(seed), []
-    while len(found) < number:
-        q, assembly = rng.uniform(-np.pi, np.pi, 3).tolist(), MECHANISM.assembly_modes[len(found) % 4]
-        at = MECHANISM.posture(tuple(q), assembly)
-        if at.status == Status.SOLVED and min(*at.type1, at.type2, *at.gaps) > least:
-            found.append(at)
-    return found
+LINK = 0.40
 
 
 def test_one_sample_needs_the_shared_equations_only_where_nothing_can_be_said(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[tuple[float, ...]] = []
     shared = Mechanism.posture
-    regular = some_postures(40, least=1e-3)
+    regular = some_postures(ROBOT, 40, seed=1, least=1e-3)
 
     def counted(self: Mechanism, joints: tuple[float, ...], assembly: int) -> Posture:
         asked.append(joints)
@@ -51,7 +40,7 @@ def test_one_sample_needs_the_shared_equations_only_where_nothing_can_be_said(mo
 
 
 def test_parts_of_a_posture_are_the_sizes_of_the_columns_of_the_adjugate() -> None:
-    for at in some_postures(40, least=1e-3):
+    for at in some_postures(ROBOT, 40, seed=1, least=1e-3):
         columns = np.linalg.inv(at.screws) * np.linalg.det(at.screws)
         sizes = [*np.hypot(columns[0], columns[1]), *np.abs(columns[2])]
         np.testing.assert_allclose(at.parts, sizes, atol=1e-12)
@@ -63,7 +52,7 @@ def test_legs_named_another_way_have_the_same_posture_and_bounds(slack: float, s
     """Base and platform turned by a third are themselves, with the legs named anew."""
     rng, promised, along = np.random.default_rng(7), 0, np.deg2rad(120.0 * shift)
     there = np.array([[np.cos(along), -np.sin(along)], [np.sin(along), np.cos(along)]])
-    for at in some_postures(60, 7, 0.01):
+    for at in some_postures(ROBOT, 60, seed=7, least=0.01):
         turned = MECHANISM.posture(tuple(np.roll(at.joints, shift).tolist()), at.assembly_mode)
         np.testing.assert_allclose(turned.pose, [*(there @ at.pose[:2]), at.pose[2]], atol=1e-9)
         assert turned.det == pytest.approx(at.det, abs=1e-9)
@@ -109,7 +98,7 @@ def test_errors_of_the_geometry_are_those_of_the_worst_leg() -> None:
     links = LINK + np.array([(-s, -s), (-s, s), (s, s)])
     longest = max(abs(np.hypot(a + b * np.cos(0.0), b * np.sin(0.0)) - 2.0 * LINK) for a, b in links)
     assert found.length == pytest.approx(longest)
-    at, travel = some_postures(1, least=0.02)[0], [0.02, 0.01, 0.03]
+    at, travel = some_postures(ROBOT, 1, seed=1, least=0.02)[0], [0.02, 0.01, 0.03]
     exact, off = (MECHANISM.travel_of(at, travel, slack) for slack in (0.0, s))
     more = np.subtract(off.drives, exact.drives)
     assert off.path - exact.path == pytest.approx(ends)
@@ -124,7 +113,7 @@ def test_errors_of_the_geometry_are_those_of_the_worst_leg() -> None:
 def test_floors_of_sines_are_what_the_worst_elbow_has(travel: float) -> None:
     """|sin(q/2)| and |cos(q/2)| over q - t..q + t: to the square of t the floor is it, but for a share 1 - sine of
     t^2/8."""
-    for at in some_postures(60):
+    for at in some_postures(ROBOT, 60, seed=1):
         half = 0.5 * (np.array(at.joints) + travel * np.linspace(-1.0, 1.0, 2001)[:, None])
         floors = [*MECHANISM.sine_floors(at, (travel,) * 3, 0.0), *MECHANISM.limb_floors(at, (travel,) * 3, 0.0, ())]
         least = np.concatenate([np.abs(np.sin(half)).min(axis=0), np.abs(np.cos(half)).min(axis=0)])
@@ -138,7 +127,7 @@ def test_floors_of_sines_are_what_the_worst_elbow_has(travel: float) -> None:
 def test_floors_of_sines_are_those_of_the_worst_pair_of_links(slack: float) -> None:
     """The lever a b sin(q)/rho over the shorter link, on a grid of links that are off by the slack."""
     first, second = np.meshgrid(*2 * (LINK + slack * np.linspace(-1.0, 1.0, 41),))
-    for at in some_postures(30):
+    for at in some_postures(ROBOT, 30, seed=1):
         floors = MECHANISM.sine_floors(at, (0.0,) * 3, 0.0, slack)
         limbs = MECHANISM.limb_floors(at, (0.0,) * 3, slack, floors)
         for q, floor, limb in zip(at.joints, floors, limbs, strict=True):
@@ -150,21 +139,21 @@ def test_floors_of_sines_are_those_of_the_worst_pair_of_links(slack: float) -> N
 
 @pytest.mark.parametrize("slack", [LINK, 1.5 * LINK])
 def test_no_sine_is_left_of_links_that_may_have_no_length(slack: float) -> None:
-    at = some_postures(1, least=0.02)[0]
+    at = some_postures(ROBOT, 1, seed=1, least=0.02)[0]
     assert MECHANISM.sine_floors(at, (0.0,) * 3, 0.0, slack) == (0.0,) * 3
 
 
 def test_rods_turn_within_the_ball_by_no_more_than_their_rate_and_a_folded_leg_has_no_ball() -> None:
     """A rod of which half is left after a move of its end across it has turned by asin(1/2)."""
     limited = set()
-    for at in some_postures(60):
+    for at in some_postures(ROBOT, 60, seed=1):
         rods = 2.0 * LINK * np.array(at.limb)
         ball, rate = MECHANISM.turn_rate(at)
         assert ball == pytest.approx(min(*at.reach, rods.min() / 2.0))
         assert rate * rods.min() / 2.0 == pytest.approx(np.arcsin(0.5))
         limited.add(min(at.reach) < rods.min() / 2.0)
     assert limited == {True, False}
-    at = some_postures(1)[0]
+    at = some_postures(ROBOT, 1, seed=1)[0]
     assert MECHANISM.turn_rate(at._replace(reach=(2.0 * LINK,) * 3)) == (0.0, np.inf)
     folded = MECHANISM.travel_of(at._replace(reach=(2.0 * LINK,) * 3), (1e-3,) * 3, 0.0)
     assert (folded.rod, min(folded.drives)) == (0.0, np.inf)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from postures import ROBOTS
+from postures import ROBOTS, some_postures
 
 import irsbot_kinematics as irs
 from irsbot_kinematics import Posture
@@ -25,18 +25,10 @@ every_platform = pytest.mark.parametrize("name", NAMES)
 
 
 @cache
-def some_postures(name: str, number: int = 12) -> tuple[Posture, ...]:
+def postures(name: str) -> list[Posture]:
     """In random places of the joints, with either sign of det A."""
-    mechanism, rng, found = ROBOTS[name].mechanism, np.random.default_rng(5), []
-    limits = np.array([(joint.lower, joint.upper) for joint in mechanism.joints]).T
-    for q in rng.uniform(*limits, (1000, 3)).tolist():
-        at = mechanism.posture(tuple(q), int(rng.choice(mechanism.assembly_modes[:2])))
-        if at.status == irs.Status.SOLVED and min(*at.type1, at.type2) > 0.02:
-            found.append(at)
-        if len(found) == number:
-            break
-    assert len(found) == number
-    return tuple(found)
+    modes = ROBOTS[name].mechanism.assembly_modes[:2]
+    return some_postures(ROBOTS[name], 12, seed=5, least=0.02, modes=modes)
 
 
 @pytest.mark.parametrize("travel", [0.0, 0.1])
@@ -71,7 +63,7 @@ def test_rods_and_struts_turn_by_no_more_than_their_rate_and_at_the_end_of_the_b
     """A rod on a rail turns with the distance h of its end from the rail, asin(h/L); a strut of which half is left has
     turned by asin(1/2)."""
     mechanism, step = ROBOTS[name].mechanism, 1e-7
-    for at in some_postures(name):
+    for at in postures(name):
         ball, rate = mechanism.turn_rate(at)
         assert ball == pytest.approx(0.5 * min(at.reach))
         rates = []
@@ -88,7 +80,7 @@ def test_rods_and_struts_turn_by_no_more_than_their_rate_and_at_the_end_of_the_b
 @every_platform
 def test_a_strut_keeps_its_length_but_for_its_travel_and_its_error_and_has_no_sine_to_lose(name: str) -> None:
     mechanism, travel, slack = ROBOTS[name].mechanism, (0.1, 0.02, 0.3), 0.01
-    for at in some_postures(name):
+    for at in postures(name):
         limbs = iter(mechanism.limb_floors(at, travel, slack, ()))
         sines = mechanism.sine_floors(at, travel, 0.2, slack)
         rows = zip(mechanism.rails, mechanism.joints, at.joints, travel, at.type1, sines, strict=True)
@@ -115,7 +107,7 @@ def test_sines_over_changes_of_the_rods_are_those_of_the_worst_corner(name: str,
     the rail. Rails that are off turn on top."""
     mechanism, rng, slack = ROBOTS[name].mechanism, np.random.default_rng(9), 2e-3
     signs = np.array(list(product((-1.0, 1.0), repeat=3)))
-    for at in some_postures(name):
+    for at in postures(name):
         lengths = [q if rail is None else rail.rod for rail, q in zip(mechanism.rails, at.joints, strict=True)]
         ways, rests = size * rng.normal(size=(3, 3, 2)), size * rng.uniform(size=3)
         longest = [length * (1.0 + 0.1 * k) for k, length in enumerate(lengths)]
@@ -170,7 +162,7 @@ def test_what_rods_demand_is_the_way_of_joints_along_them_and_the_errors_of_both
     apart = max(np.hypot(*(one - other)) for one in places for other in places)
     found = mechanism.geometry_errors(slack)
     np.testing.assert_allclose(found, (apart, slack, place), atol=1e-15)
-    for at in some_postures(name):
+    for at in postures(name):
         asked, exact = mechanism.travel_of(at, travel, slack), mechanism.rods_of(at, travel, slack)
         paths, lengths = [], []
         rows = zip(mechanism.rails, mechanism.joints, at.joints, travel, asked.drives, at.screws, exact, strict=True)
@@ -193,7 +185,7 @@ def test_what_rods_demand_is_the_way_of_joints_along_them_and_the_errors_of_both
 
 
 def test_a_strut_without_length_has_no_bound() -> None:
-    at = some_postures("rpr3")[0]
+    at = postures("rpr3")[0]
     asked = ROBOTS["rpr3"].mechanism.travel_of(at._replace(joints=(0.0, 0.3, 0.3)), (1e-3,) * 3, 0.0)
     assert asked.drives[0] == np.inf
     assert asked.rod == 0.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -37,6 +38,21 @@ def joint_range(robot: irs.Robot) -> tuple[Array, Array]:
 def random_joints(robot: irs.Robot, rng: np.random.Generator, number: int) -> Array:
     lower, upper = joint_range(robot)
     return rng.uniform(lower, upper, (number, len(lower)))
+
+
+def some_postures(
+    robot: irs.Robot, number: int, *, seed: int, least: float = 0.0, modes: Sequence[int] = ()
+) -> list[irs.Posture]:
+    """Of all assembly modes in turn, or of these. least: of the Type 1 and Type 2 margins and the clearances of the
+    assembly."""
+    mechanism, found = robot.mechanism, list[irs.Posture]()
+    modes, rng = modes or mechanism.assembly_modes, np.random.default_rng(seed)
+    while len(found) < number:
+        (q,) = random_joints(robot, rng, 1).tolist()
+        at = mechanism.posture(tuple(q), modes[len(found) % len(modes)])
+        if at.status == irs.Status.SOLVED and min(*at.type1, at.type2, *at.gaps) > least:
+            found.append(at)
+    return found
 
 
 @st.composite

@@ -79,7 +79,8 @@ def demo(
     values["listeners"] = LISTENERS
     if seconds is not None:
         values["cycle_s"] = seconds
-    limit_s = _length(plan, values, robot_name) + START_DELAY_S + GRACE_S
+    more_s = GRACE_S if plan.expect.stop else AFTERWARDS_S
+    limit_s = _length(plan, values, robot_name) + START_DELAY_S + more_s
     prepare(target)
     out.print(f"{plan.name} with {machine.name}: {plan.description}")
     end_in_order_when_told_to()
@@ -98,7 +99,9 @@ def demo(
                 _await(suite, watch, lambda: timeline.verdict is not None, "no verdict has come")
                 suite.start(Node("simulated_joints", JOINTS, values))
                 _await(suite, watch, lambda: timeline.began, "no joint state was judged")
-                _follow(suite, watch, timeline, plan.expect.stop, limit_s)
+                _begin(suite, watch, timeline, limit_s)
+                if timeline.worked:
+                    _follow(suite, watch, timeline, limit_s)
     except KeyboardInterrupt:
         interrupted = True
     if not bag.exists():
@@ -144,11 +147,6 @@ class _Timeline:
         self._begin_ns = state.stamp_ns
         self.began = True
 
-    @property
-    def stopped_at_rest(self) -> Verdict | None:
-        """A latched stop before the robot was ever allowed to move: samples may come late while the nodes start."""
-        return self.verdict if self.verdict is not None and self.verdict.latched and not self.worked else None
-
     def hear(self, verdict: Verdict) -> None:
         last, self.verdict = self.verdict, verdict
         self.worked = self.worked or verdict.level < Level.STOP
@@ -176,21 +174,25 @@ def _await(suite: Suite, watch: Any, heard: Callable[[], bool], silence: str) ->
         suite.check()
 
 
-def _follow(suite: Suite, watch: Any, timeline: _Timeline, stops: bool, limit_s: float) -> None:
-    """Watch until the robot had time to stand after a stop, its work is done, or nothing more can come. A stop before
-    the work is reset, as an operator would."""
-    limit_s -= 0.0 if stops else GRACE_S - AFTERWARDS_S
-    worked, asked_s, deadline = False, -inf, time.monotonic() + limit_s
-    while time.monotonic() < deadline:
-        watch.look(0.05)
-        suite.check()
-        stop = timeline.stopped_at_rest
-        if stop is not None and time.monotonic() > asked_s + RESET_S and watch.reset(stop.event, EARLY):
+def _begin(suite: Suite, watch: Any, timeline: _Timeline, limit_s: float) -> None:
+    """Wait until the robot may move, for a limited time. A stop before that is reset, as an operator would."""
+    asked_s, deadline = -inf, time.monotonic() + limit_s
+    while not timeline.worked and time.monotonic() < deadline:
+        stop, due = timeline.verdict, time.monotonic() > asked_s + RESET_S
+        if stop is not None and stop.latched and due and watch.reset(stop.event, EARLY):
             if asked_s == -inf:
                 out.print(f"{EARLY}: resets are requested, until one is accepted")
             asked_s = time.monotonic()
-        if timeline.worked and not worked:
-            worked, deadline = True, time.monotonic() + limit_s
+        watch.look(0.05)
+        suite.check()
+
+
+def _follow(suite: Suite, watch: Any, timeline: _Timeline, limit_s: float) -> None:
+    """Watch until the robot had time to stand after a stop, its work is done, or nothing more can come."""
+    deadline = time.monotonic() + limit_s
+    while time.monotonic() < deadline:
+        watch.look(0.05)
+        suite.check()
         if timeline.stopped_at is not None:
             deadline = min(deadline, timeline.stopped_at + AFTERWARDS_S)
 

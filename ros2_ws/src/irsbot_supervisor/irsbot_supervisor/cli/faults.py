@@ -58,9 +58,7 @@ def faults(
     entries = [entry for entry in ENTRIES if not only or entry.name in only]
     if quick and cases is not None:
         refuse("--quick and --cases both say how many cases to try: leave one of them out")
-    orders = _orders(entries, quick, seed, tuple(robot or ()), len(supervised()))
-    if cases is not None:
-        orders = [order._replace(amount=cases) for order in orders]
+    orders = _orders(entries, quick, cases, seed, tuple(robot or ()), len(supervised()))
     with Progress(
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), console=err
     ) as bars:
@@ -85,14 +83,17 @@ def faults(
         raise Failed(f"not met: {'; '.join(f'{row.name} ({row.note})' for row in broken)}")
 
 
-def _orders(entries: Sequence[Entry], quick: bool, seed: int, robots: tuple[str, ...], all_robots: int) -> list[Order]:
-    """The orders to run; a row over all robots takes its share for the selected robots."""
+def _orders(
+    entries: Sequence[Entry], quick: bool, cases: int | None, seed: int, robots: tuple[str, ...], all_robots: int
+) -> list[Order]:
+    """The orders to run; a row over all robots takes its share for the selected robots, unless the number of cases is
+    given."""
     from irsbot_supervisor.validation.runner import Order
 
     orders = []
     for entry in entries:
-        amount = entry.quick if quick else entry.full
-        if entry.over_robots and robots:
+        amount = cases or (entry.quick if quick else entry.full)
+        if cases is None and entry.over_robots and robots:
             amount = max(amount * len(robots) // all_robots, 1)
         orders.append(Order(entry, amount, seed, robots if entry.over_robots else ()))
     return orders

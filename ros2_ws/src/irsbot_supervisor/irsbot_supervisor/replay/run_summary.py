@@ -58,12 +58,11 @@ def outcome(recording: Recording, expect: ExpectedOutcome) -> Outcome:
     settings = next((entry.values for entry in recording.journal if isinstance(entry, Configuration)), {})
     states = [state for state in recording.states if isfinite(state.type2_margin)]
     begin_ns = recording.begin_ns
-    working = next((log for log, verdict in recording.verdicts if verdict.level < Level.STOP), None)
-    later = [(log, verdict) for log, verdict in recording.verdicts if working is not None and log > working]
+    working = next((log for log, verdict in recording.verdicts if verdict.level < Level.STOP), inf)
+    later = [(log, verdict) for log, verdict in recording.verdicts if log > working]
     stopped_ns, verdict = next((heard for heard in later if heard[1].level == Level.STOP), (None, None))
     unknown_ns, doubt = next((heard for heard in later if heard[1].level == Level.UNKNOWN), (None, None))
-    moving = [state for state in states if working is not None and state.stamp_ns > working]
-    crossed = next((state for state in moving if state.level == Level.STOP), None)
+    crossed = next((state for state in states if state.level == Level.STOP and state.stamp_ns > working), None)
     stood = _standstill(states, stopped_ns, float(settings.get("standstill_speed", 0.0)))
     found = Outcome(
         begin_ns,
