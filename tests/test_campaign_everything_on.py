@@ -75,7 +75,7 @@ def test_a_short_run_shows_memory_latency_and_loss(tmp_path: Path) -> None:
     assert done.returncode in (0, 1), done.stdout + done.stderr  # 1: on a busy machine samples are late
     nodes = re.findall(r"^(\w+) +[\d.]+ -> +[\d.]+ MB +[\d.]+ % of a core$", done.stdout, re.MULTILINE)
     modules = (FOXGLOVE, JOINTS, KINEMATICS, LIVE_PAGE, RECORDER, SUPERVISOR)
-    assert nodes == sorted(module.rpartition(".")[2] for module in modules)
+    assert nodes == sorted(module.rpartition(".")[2] for module in modules), done.stdout + done.stderr
     (received,) = re.findall(r"received ([\d,]+) messages", done.stdout)
     assert int(received.replace(",", "")) > 0
     (samples,) = re.findall(r"^([\d,]+) joint states", done.stdout, re.MULTILINE)

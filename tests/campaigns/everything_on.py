@@ -5,7 +5,7 @@
 Starts `up --web --foxglove`: simulated joints, kinematics, supervisor, recorder, live page, server for Foxglove. A
 client of Foxglove receives every channel; a Chromium shows the live page if there is one. The memory of every node is
 sampled once a second. Latency and loss come from the recorded bag, which is removed afterwards. Exit code 1 if a sample
-was lost, or if a node grew.
+was lost, or if a node grew; 2 if the run could not be made.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 import psutil
@@ -74,7 +74,7 @@ def main() -> int:
     given.add_argument("--out", type=Path, required=True, help="a new folder for the run")
     stated = given.parse_args()
     if stated.out.exists():
-        sys.exit(f"{stated.out} is there already: give a new folder")
+        given.error(f"{stated.out} is there already: give a new folder")
     ports = free_port(), free_port()
     command = [sys.executable, "-m", "irsbot_supervisor", "up", "--robot", stated.robot, "--out", str(stated.out)]
     command += ["--domain", str(free_domain()), "--web", "--web-port", str(ports[0])]
@@ -86,13 +86,19 @@ def main() -> int:
         memory, busy = watch(suite, 60.0 * stated.minutes)
         print(f"Foxglove's client received {messages[0]:,} messages; {'a' if PROGRAM else 'no'} browser at the page")
     if suite.returncode:
-        sys.exit(f"up ended with exit code {suite.returncode}, see {stated.out / 'logs'}")
+        fail(f"up ended with exit code {suite.returncode}, see {stated.out / 'logs'}")
     grown = show_memory(memory, busy, 60.0 * stated.minutes)
     judged = judgement(stated.out / BAG)
     shutil.rmtree(stated.out / BAG)
     show_latency(judged)
     print(f"load of the machine: {psutil.getloadavg()[0]:.1f} on {psutil.cpu_count()} cores")
     return 1 if grown or judged.unjudged or judged.unsent else 0
+
+
+def fail(reason: str) -> NoReturn:
+    """End without a result."""
+    print(reason, file=sys.stderr)
+    sys.exit(2)
 
 
 def end(suite: subprocess.Popen[bytes]) -> None:
@@ -111,7 +117,7 @@ def channels(suite: subprocess.Popen[bytes], port: int) -> Iterator[list[int]]:
             break
         except OSError:
             if time.monotonic() > deadline or suite.poll() is not None:
-                sys.exit("the server for Foxglove did not start")
+                fail("the server for Foxglove did not start")
             time.sleep(0.1)  # nothing says that a port opens
     received = [0]
 
@@ -160,7 +166,7 @@ def watch(suite: subprocess.Popen[bytes], seconds: float) -> tuple[dict[str, lis
             print(f"\r{now_s:.0f} of {seconds:.0f} s", end="", file=sys.stderr)
         with contextlib.suppress(subprocess.TimeoutExpired):
             suite.wait(1.0)
-            sys.exit(f"up ended after {now_s:.0f} s")
+            fail(f"up ended after {now_s:.0f} s")
     return memory, {name: sum(node.cpu_times()[:2]) - before[name] for name, node in nodes.items()}
 
 

@@ -31,11 +31,13 @@ SUITE = SimpleNamespace(check=lambda: None)
 def test_the_planned_length_counts_from_the_first_sample(
     first: int, stops: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    plan = SimpleNamespace(expect=SimpleNamespace(stop=stops))
     timeline = demo._Timeline()
     watch = Watch(timeline, first, monkeypatch)
     demo._await(SUITE, watch, lambda: timeline.began, "no joint state was judged")
-    demo._follow(SUITE, watch, timeline, stops, 20.0)
-    assert watch.looks - first == (20.0 if stops else 20.0 - demo.GRACE_S + demo.AFTERWARDS_S)
+    demo._follow(SUITE, watch, timeline, demo._limit(plan, 20.0))
+    longer_s = demo.GRACE_S if stops else demo.AFTERWARDS_S  # a robot that should be stopped may be stuck
+    assert watch.looks - first == demo.START_DELAY_S + 20.0 + longer_s
 
 
 def test_joints_that_publish_nothing_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:

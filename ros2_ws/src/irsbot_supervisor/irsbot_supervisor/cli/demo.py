@@ -79,8 +79,7 @@ def demo(
     values["listeners"] = LISTENERS
     if seconds is not None:
         values["cycle_s"] = seconds
-    more_s = GRACE_S if plan.expect.stop else AFTERWARDS_S
-    limit_s = _length(plan, values, robot_name) + START_DELAY_S + more_s
+    limit_s = _limit(plan, _length(plan, values, robot_name))
     prepare(target)
     out.print(f"{plan.name} with {machine.name}: {plan.description}")
     end_in_order_when_told_to()
@@ -195,6 +194,11 @@ def _follow(suite: Suite, watch: Any, timeline: _Timeline, limit_s: float) -> No
         suite.check()
         if timeline.stopped_at is not None:
             deadline = min(deadline, timeline.stopped_at + AFTERWARDS_S)
+
+
+def _limit(plan: Scenario, length_s: float) -> float:
+    """Seconds after the first judged sample in which a run of this planned length ends, if it is not stuck."""
+    return START_DELAY_S + length_s + (GRACE_S if plan.expect.stop else AFTERWARDS_S)
 
 
 def _length(plan: Scenario, values: dict[str, Any], robot_name: str) -> float:
