@@ -17,7 +17,7 @@ import tempfile
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
-from specialise import generics, specialised
+from specialise import final, generics, specialised
 
 PACKAGES = ("irsbot_kinematics", "irsbot_msgs_py", "irsbot_supervisor")
 GROUPS = {
@@ -39,7 +39,7 @@ GROUPS = {
 }
 """Modules that are compiled together: calls within a group are as cheap as in C. Two groups compile side by side."""
 
-TOOLS = ("compile_modules.py", "specialise.py", "strict_zips.py")
+TOOLS = ("compile_modules.py", "named_tuples.py", "specialise.py", "strict_zips.py")
 """Modules whose change compiles everything again, as a change of a source does."""
 
 INDEX = "irsbot_compiled.py"
@@ -59,8 +59,15 @@ follow_imports = skip
 BUILD = """
 import sys
 from mypyc.build import mypycify
+from mypyc.ir.ops import ERR_NEVER
+from mypyc.ir.rtypes import bool_rprimitive, float_rprimitive
+from mypyc.primitives.registry import function_op
 from setuptools import setup
 name, *files = sys.argv[1:]
+for known, arguments, result in (
+    ("remainder", 2, float_rprimitive), ("atan2", 2, float_rprimitive), ("isfinite", 1, bool_rprimitive)
+):  # those of C have the same bits
+    function_op(f"math.{known}", [float_rprimitive] * arguments, result, known, ERR_NEVER)
 options = ["--config-file", "mypy.ini", f"--cache-dir=cache_{name}"]  # a cache that is shared may be locked
 extensions = mypycify([*options, *files], opt_level="1", debug_level="0", group_name=name)
 for extension in extensions:
@@ -81,6 +88,7 @@ def main(source: Path, target: Path) -> None:
         with tempfile.TemporaryDirectory(dir=target) as folder:
             work = Path(folder)
             write_sources(source, everything, names, work)
+            with_native_tuples([place_of(work, names[file]) for file in everything], work)
             compile_groups(groups, source, work)
             (work / "out").rename(made)
     text = f"from pathlib import Path\n\nFOLDER = Path(__file__).parent / {made.name!r}\n"
@@ -126,16 +134,31 @@ def write_sources(source: Path, compiled: list[Path], names: dict[Path, str], wo
     """Write all packages; the compiled ones in their specialised form."""
     for package in PACKAGES:
         shutil.copytree(source / package / package, work / package, ignore=shutil.ignore_patterns("__pycache__"))
+        for module in (work / package).rglob("*.py"):
+            module.write_text(final(module.read_text(encoding="utf-8"), compiled=False), encoding="utf-8")
     texts = {file: file.read_text(encoding="utf-8") for file in compiled}
     known = {name for text in texts.values() for name in generics(text)}
     for file, text in texts.items():
-        place = work.joinpath(*names[file].split(".")).with_suffix(".py")
-        place.write_text(specialised(names[file], text, known), encoding="utf-8")
+        place_of(work, names[file]).write_text(
+            final(specialised(names[file], text, known), compiled=True), encoding="utf-8"
+        )
+    (work / "mypy.ini").write_text(CONFIG.format(path=work))
+
+
+def place_of(work: Path, name: str) -> Path:
+    """File of a module below a folder."""
+    return work.joinpath(*name.split(".")).with_suffix(".py")
+
+
+def with_native_tuples(files: list[Path], work: Path) -> None:
+    """Rewrite modules below a folder with named tuples in native form."""
+    from named_tuples import rewrite  # it needs mypy, which the environment has and the set-up has not
+
+    rewrite(files, ["--config-file", str(work / "mypy.ini"), "--cache-dir", str(work / "cache_types")])
 
 
 def compile_groups(groups: dict[str, list[Path]], source: Path, work: Path) -> None:
     """Compile every group in its own process. Raises SystemExit with its output if one fails."""
-    (work / "mypy.ini").write_text(CONFIG.format(path=work))
     (work / "build.py").write_text(BUILD)
     running = {}
     for name, files in groups.items():

@@ -108,6 +108,14 @@ def specialised(name: str, source: str, known: set[str]) -> str:
     return _with_header(name, "".join(written))
 
 
+def final(text: str, compiled: bool) -> str:
+    """A module with its constants marked as such: the compiler then writes their values where they are used. Of a
+    module that is not compiled it takes numbers alone."""
+    value = r"(?!TypeVar\b)(?=\S)" if compiled else r"(?=-?[\d.][\w.+-]*$)"
+    marked, count = re.subn(rf"(?m)^([A-Z][A-Z0-9_]+) = {value}", r"\1: Final__ = ", text)
+    return marked.replace(FUTURE, f"{FUTURE}; from typing import Final as Final__", 1) if count else text
+
+
 def _mark_classes(source: str, lines: list[str], attribute: str) -> None:
     """Give the classes of a module an attribute of the compiler."""
     for node in ast.parse(source).body:

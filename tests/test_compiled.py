@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import ctypes
+import ctypes.util
 import importlib
 import os
+import random
+import struct
 import subprocess
 import sys
 from collections.abc import Iterator
 from importlib.machinery import EXTENSION_SUFFIXES
+from math import atan2, inf, pi, remainder, tau
 from pathlib import Path
 from typing import Any
 
@@ -140,6 +145,144 @@ def test_native_loops_refuse_sequences_of_different_lengths(
         for form in loops[:2]:
             with pytest.raises(ValueError, match="zip"):
                 form[name](left, right)
+
+
+RECORDS = '''"""Toy."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Pair(NamedTuple):
+    """Two."""
+
+    first: float
+    second: float = 2.0
+
+    @property
+    def total(self) -> float:
+        return self.first + self.second
+
+
+class Other(NamedTuple):
+    """Another order."""
+
+    second: float
+    pair: Pair
+
+
+class Holder:
+    """No named tuple."""
+
+    def __init__(self, pair: Pair) -> None:
+        self.pair = pair
+
+
+def given(x: float) -> Pair:
+    return Pair(
+        first=x,
+        second=2.0 * x,  # a comment, with a comma
+    )
+
+
+def nested(x: float) -> Other:
+    return Other(x, pair=Pair(x, -x))
+
+
+def by_default(x: float) -> Pair:
+    return Pair(x)
+
+
+def reversed_order(x: float) -> Pair:
+    return Pair(second=x, first=-x)
+
+
+def read(holder: Holder) -> float:
+    return (holder.pair).second - holder.pair.total + nested(holder.pair.first).pair.second
+
+
+def either(one: Pair | Other) -> float:
+    return one.second
+
+
+def line() -> int:
+    return 0
+'''
+
+
+@pytest.fixture(scope="module")
+def records(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], dict[str, Any], str]:
+    """The toy module as it is and with native named tuples, and the text of the second one."""
+    pytest.importorskip("mypy", reason="the types of expressions come from it")
+    named_tuples = importlib.import_module("named_tuples")
+    folder = tmp_path_factory.mktemp("records")
+    file = folder / "toy_records.py"
+    file.write_text(RECORDS)
+    named_tuples.rewrite([file], ["--config-file=", f"--cache-dir={folder / 'cache'}"])
+    plain: dict[str, Any] = {"__name__": "plain"}
+    native: dict[str, Any] = {"__name__": "native"}
+    exec(compile(RECORDS, "plain", "exec"), plain)
+    exec(compile(file.read_text(), "native", "exec"), native)
+    return plain, native, file.read_text()
+
+
+def test_native_named_tuples_have_the_same_values_and_kinds(records: tuple[dict[str, Any], dict[str, Any], str]):
+    plain, native, _text = records
+    for name in ("given", "nested", "by_default", "reversed_order"):
+        theirs, ours = plain[name](3.0), native[name](3.0)
+        assert (ours, ours._asdict()) == (theirs, theirs._asdict()), name
+        assert type(ours) is native[type(theirs).__name__]
+    for form in (plain, native):
+        assert form["read"](form["Holder"](form["Pair"](3.0, 5.0))) == 5.0 - 8.0 - 3.0
+        assert [form["either"](one) for one in (form["given"](3.0), form["nested"](4.0))] == [6.0, 4.0]
+
+
+def test_only_what_is_one_named_tuple_is_read_by_number(records: tuple[dict[str, Any], dict[str, Any], str]):
+    plain, native, text = records
+    assert "(holder.pair)[1] - holder.pair.total + nested(holder.pair[0])[1][1]" in text
+    assert "return self[0] + self[1]" in text
+    assert "return one.second" in text, "a field of two kinds of named tuples"
+    assert "cast__(Pair, new__(Pair, (\n        x,\n        2.0 * x,  # a comment, with a comma\n    )))" in text
+    assert "cast__(Other, new__(Other, (x, cast__(Pair, new__(Pair, (x, -x,))),)))" in text
+    assert "return Pair(x)\n" in text
+    assert "return Pair(second=x, first=-x)\n" in text
+    assert native["line"].__code__.co_firstlineno == plain["line"].__code__.co_firstlineno
+
+
+def test_a_module_with_a_wrong_type_is_not_compiled(tmp_path: Path):
+    pytest.importorskip("mypy", reason="the types of expressions come from it")
+    file = tmp_path / "toy_wrong.py"
+    file.write_text(RECORDS + "\n\nwrong: Pair = 1\n")
+    with pytest.raises(SystemExit, match="Incompatible types in assignment"):
+        importlib.import_module("named_tuples").rewrite([file], ["--config-file=", f"--cache-dir={tmp_path / 'cache'}"])
+    assert file.read_text().startswith(RECORDS)
+
+
+def test_constants_are_final_where_the_compiler_can_use_their_values():
+    head = '"""Toy."""\n\nfrom __future__ import annotations\n'
+    body = 'from math import pi\n\nHALF_S = 0.5\nTURN = 2.0 * pi\nN = TypeVar("N")\nsmall = 1\n'
+    compiled_form, plain_form = (specialise.final(head + body, compiled=known) for known in (True, False))
+    assert "HALF_S: Final__ = 0.5\nTURN: Final__ = 2.0 * pi\nN = TypeVar" in compiled_form
+    assert "HALF_S: Final__ = 0.5\nTURN = 2.0 * pi\nN = TypeVar" in plain_form
+    for form in (compiled_form, plain_form):
+        assert "small = 1\n" in form
+        assert len(form.splitlines()) == len((head + body).splitlines())
+    assert specialise.final(head, compiled=True) == head
+
+
+@pytest.mark.parametrize("turn", [tau, inf])
+def test_functions_of_c_have_the_bits_of_those_of_python(turn: float):
+    c = ctypes.CDLL(ctypes.util.find_library("m"))
+    for name in ("remainder", "atan2"):
+        getattr(c, name).restype, getattr(c, name).argtypes = ctypes.c_double, [ctypes.c_double] * 2
+    chosen = random.Random(f"remainders of {turn}")
+    edges = [0.0, -0.0, pi, -pi, 3.0 * pi, 5e-324, 1e6, -1e6]
+    for x in edges + [chosen.uniform(-1.0, 1.0) * 10.0 ** chosen.randint(-12, 6) for _ in range(3000)]:
+        other = chosen.choice([*edges, x])
+        assert struct.pack("<2d", c.remainder(x, turn), c.atan2(x, other)) == struct.pack(
+            "<2d", remainder(x, turn), atan2(x, other)
+        )
 
 
 def test_another_compiler_of_ours_means_another_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

@@ -220,7 +220,8 @@ class Irsbot2(PlanarPair):
         nearest = super().clearance(at)
         x, z = at.pose
         for cx, cz, radius in self.constraint_places.get(at.working_mode, ()):
-            away = abs(hypot(x - cx, z - cz) - radius)
+            dx, dz = x - cx, z - cz
+            away = abs(sqrt(dx * dx + dz * dz) - radius)
             if away < nearest:
                 nearest = away
         return nearest

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from math import cos, hypot, inf, nan, sin, sqrt
+from math import cos, inf, nan, sin, sqrt
 
 from irsbot_kinematics.mechanism import (
     Coordinate,
@@ -52,8 +52,8 @@ class PlanarKinematics(Mechanism):
 
     @abstractmethod
     def constraint_parts(self, k: Arithmetic[N], c1: N, mz1: N, c2: N, mz2: N) -> tuple[N, ...]:
-        """Numbers whose minimum is the constraint margin, from (cos psi, -sin psi) of both rods; empty where the legs
-        constrain nothing but the plane."""
+        """Two numbers whose minimum is the constraint margin, from (cos psi, -sin psi) of both rods. Empty where the
+        legs constrain nothing but the plane."""
 
     # --- equations, floats or arrays -------------------------------------------------------------------------
 
@@ -104,7 +104,7 @@ class PlanarKinematics(Mechanism):
             closure.append(error)
         levers = tuple([l1 * s for s in normalised_levers])
         constrained: tuple[N, ...] = self.constraint_parts(k, *screws[0], *screws[1])
-        constraint = k.minimum(*constrained) if constrained else None
+        constraint = k.minimum(constrained[0], constrained[1]) if constrained else None
         parts = constrained + tuple(far)
         return Legs(
             tuple(screws), levers, tuple(normalised_levers), tuple(reach), tuple(closure), constraint, (), parts
@@ -119,7 +119,7 @@ class PlanarKinematics(Mechanism):
         k1, s1, k2, s2 = cos(q1), sin(q1), cos(q2), sin(q2)
         c1x, c1z, c2x, c2z = l1 * k1 - b0, -e - l1 * s1, l1 * k2 + b0, -e - l1 * s2
         vx, vz = c2x - c1x, c2z - c1z
-        d = hypot(vx, vz)
+        d = sqrt(vx * vx + vz * vz)
         slack = 2.0 * l2 - d
         if not (slack > 0.0 and d > COINCIDENT_TOL_M):
             return super().posture(joints, assembly)
@@ -127,10 +127,11 @@ class PlanarKinematics(Mechanism):
         height = assembly * sqrt((l2 - half) * (l2 + half)) / d
         x, z = 0.5 * (c1x + c2x) - height * vz, 0.5 * (c1z + c2z) + height * vx
         r1x, r1z, r2x, r2z = x - c1x, z - c1z, x - c2x, z - c2z
-        off1, off2 = abs(hypot(r1x, r1z) - l2), abs(hypot(r2x, r2z) - l2)
+        off1, off2 = abs(sqrt(r1x * r1x + r1z * r1z) - l2), abs(sqrt(r2x * r2x + r2z * r2z) - l2)
         r1x, r1z, r2x, r2z = r1x / l2, r1z / l2, r2x / l2, r2z / l2
         sine1, sine2 = s1 * r1x + k1 * r1z, s2 * r2x + k2 * r2z
-        far1, far2 = hypot(x + b0, z + e), hypot(x - b0, z + e)
+        down, left, right = (z + e) * (z + e), x + b0, x - b0
+        far1, far2 = sqrt(left * left + down), sqrt(right * right + down)
         inner, outer = self._annulus
         out1, out2, in1, in2 = outer - far1, outer - far2, far1 - inner, far2 - inner
         det = r1x * r2z - r1z * r2x
@@ -151,7 +152,7 @@ class PlanarKinematics(Mechanism):
             (slack, d),
             (cosine, cosine),
             det,
-            FLOATS.minimum(*constrained) if constrained else nan,
+            FLOATS.minimum(constrained[0], constrained[1]) if constrained else nan,
             (),
             off1 if off1 > off2 else off2,
             (),

@@ -68,7 +68,11 @@ class PlanarPair(PlanarKinematics):
         type2 = (low if low < high else high) / (full * l2)
         apart = path / type2
         middle, span = self._squares
-        type1 = [_sine_in(r - apart, r + apart, middle, span) for r in parts[-2:]]
+        far1, far2 = parts[-2:]
+        type1 = (
+            _sine_in(far1 - apart, far1 + apart, middle, span),
+            _sine_in(far2 - apart, far2 + apart, middle, span),
+        )
         constraint = self.constraint_bound(parts, (2.0 * apart + path) / l2)  # turn of both rods together
         return CertifiedBounds(_capped(type1, at.normalised_levers), type2, constraint, ())
 
@@ -127,12 +131,13 @@ class PlanarPair(PlanarKinematics):
         turn = asin(path / d) + _opening(d, low, high, l2, length)  # of one rod
         both = min((2.0 * move + path) / short, 2.0 * turn)
         apart = move + self.foot_error(slack_m)
-        type1 = [
+        type1, other = [
             max(self._sine_floor(r, apart, length), lowered(abs(sine), turn + t))
             for r, sine, t in zip(parts[-2:], at.normalised_levers, travel, strict=True)
         ]
         parts = self.parts_left(at, both, slack_m)
-        return CertifiedBounds(_capped(type1, at.normalised_levers), type2, self.constraint_bound(parts, both), ())
+        sines = _capped((type1, other), at.normalised_levers)
+        return CertifiedBounds(sines, type2, self.constraint_bound(parts, both), ())
 
     def _nothing(self, parts: Floats) -> CertifiedBounds:
         return CertifiedBounds((0.0, 0.0), 0.0, self.constraint_bound(parts, inf), ())
@@ -231,7 +236,7 @@ class PlanarPair(PlanarKinematics):
         rod = self.loop.rod
         for cx, cz, toward_x, toward_z, cosine, from_x, from_z, to_x, to_z in self._arcs.get(at.working_mode, ()):
             dx, dz = x - cx, z - cz
-            r = hypot(dx, dz)
+            r = sqrt(dx * dx + dz * dz)
             away = abs(r - rod)
             if away < nearest:  # the circle is near enough to ask for the arc
                 if dx * toward_x + dz * toward_z >= r * cosine:
@@ -274,9 +279,10 @@ def _distances(x: float, z: float, ax: float, az: float, bx: float, bz: float, r
     return size - along - rest, hypot(size + along, aside) + rest
 
 
-def _capped(floors: Sequence[float], normalised_levers: Floats) -> Floats:
+def _capped(floors: tuple[float, float], normalised_levers: Floats) -> Floats:
     """Near 0 a sine computed from lengths has half the digits of one computed from directions."""
-    (floor1, floor2), (sine1, sine2) = floors, normalised_levers
+    floor1, floor2 = floors
+    sine1, sine2 = normalised_levers
     size1, size2 = abs(sine1), abs(sine2)
     return (floor1 if floor1 < size1 else size1, floor2 if floor2 < size2 else size2)
 

@@ -108,7 +108,9 @@ class Assessor:
         """True if an assembly clearance may have been 0 between two samples: it is at most half of its change."""
         before, self.gaps = self.gaps, gaps
         contact = self.contact_m
-        return any(not gap - 0.5 * abs(gap - last) > contact for gap, last in zip(gaps, before, strict=False))
+        return bool(before) and any(
+            not gap - 0.5 * abs(gap - last) > contact for gap, last in zip(gaps, before, strict=True)
+        )
 
     def _posture(self, joints: Floats) -> Posture:
         if self._before is None or self._lost:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from irsbot_kinematics import CertifiedBounds, Mechanism, Posture
 from irsbot_msgs_py.records import Floats
 from irsbot_supervisor.core.assessment import SOLVED
-from irsbot_supervisor.core.margins import Margins, margins_of, slopes
+from irsbot_supervisor.core.margins import Margins, least_of, margins_of, slopes
 
 LEAST_LEVER = 0.05
 """1: least lever of a joint, as a share of the robot's length, that the choice of a cut uses."""
@@ -129,33 +129,43 @@ class BoxBounds:
 
 def smallest_margins(bounds: list[Margins]) -> Margins:
     """The smallest of each margin."""
-    type1, type2, constraint, limb = map(min, zip(*bounds, strict=True))
+    type1, type2, constraint, limb = bounds[0]
+    for a, b, c, d in bounds[1:]:
+        type1, type2, constraint, limb = min(type1, a), min(type2, b), min(constraint, c), min(limb, d)
     return type1, type2, constraint, limb
 
 
-def largest_margins(*bounds: Margins) -> Margins:
-    """The largest of each margin: the best of several bounds of the same box."""
-    type1, type2, constraint, limb = map(max, zip(*bounds, strict=True))
-    return type1, type2, constraint, limb
+def largest_margins(one: Margins, other: Margins) -> Margins:
+    """The largest of each margin: the best of two bounds of the same box."""
+    type1, type2, constraint, limb = one
+    a, b, c, d = other
+    return max(type1, a), max(type2, b), max(constraint, c), max(limb, d)
 
 
 def _in_question(met: Margins, wanted: Margins) -> Margins:
     """The goal without the margins that a posture in the box contradicts: for those nothing can be proved, and they
     must not prevent the proof of the others."""
-    type1, type2, constraint, limb = (want if have >= want else -inf for have, want in zip(met, wanted, strict=True))
-    return type1, type2, constraint, limb
+    type1, type2, constraint, limb = wanted
+    a, b, c, d = met
+    return (
+        type1 if a >= type1 else -inf,
+        type2 if b >= type2 else -inf,
+        constraint if c >= constraint else -inf,
+        limb if d >= limb else -inf,
+    )
 
 
 def spare_of(have: Margins, want: Margins) -> float:
     """Least difference between the margins and the goal."""
-    spare: float = min(map(sub, have, want))
-    return spare
+    type1, type2, constraint, limb = have
+    a, b, c, d = want
+    return min(min(min(type1 - a, type2 - b), constraint - c), limb - d)
 
 
 def margins_of_bounds(certified_bounds: CertifiedBounds) -> Margins:
     """A certified bound as four margins; infinite where the mechanism has none."""
     type1, type2, constraint, limb = certified_bounds
-    return min(type1), type2, constraint if constraint == constraint else inf, min(limb) if limb else inf
+    return least_of(type1), type2, constraint if constraint == constraint else inf, least_of(limb) if limb else inf
 
 
 def nothing_of(at: Posture) -> Margins:

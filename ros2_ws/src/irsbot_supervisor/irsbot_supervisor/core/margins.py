@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import inf
 from typing import NamedTuple
 
@@ -45,11 +45,20 @@ def margins_of(at: Posture) -> Margins:
     """The four margins of a solved posture."""
     constraint, limb = at.constraint, at.limb
     return (
-        min(map(abs, at.normalised_levers)),
-        min(at.cos_pressure),
+        least_of([abs(sine) for sine in at.normalised_levers]),
+        least_of(at.cos_pressure),
         constraint if constraint == constraint else inf,
-        min(limb) if limb else inf,
+        least_of(limb) if limb else inf,
     )
+
+
+def least_of(values: Sequence[float]) -> float:
+    """The smallest value, as `min` finds it; a compiler makes this loop native."""
+    least = values[0]
+    for value in values:
+        if value < least:
+            least = value
+    return least
 
 
 def margins_of_legs(at: Posture) -> tuple[Floats, Floats, Floats, Floats]:

@@ -4,7 +4,6 @@ that NaN falls through to the severe answer."""
 from __future__ import annotations
 
 from math import nan
-from operator import le
 
 from irsbot_kinematics.mechanism import Coordinate
 from irsbot_msgs_py.records import Cause, Finding, Floats, Level
@@ -53,7 +52,7 @@ class Policy:
             findings += self._margins(assessment.margins, certified, estimate.expected_s)
         elif held & ANY_MARGIN:
             findings += self._lingering(certified, held)
-        if not all(map(le, map(abs, estimate.velocity), self._speed)):
+        if not all(abs(rate) <= most for rate, most in zip(estimate.velocity, self._speed, strict=True)):
             findings += self._speeding(estimate.velocity)
         if estimate.degraded:
             known = all(rate == rate for rate in estimate.velocity)

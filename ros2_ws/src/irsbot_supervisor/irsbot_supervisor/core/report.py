@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from math import acos, inf, nan
-from operator import mul, neg, sub
 from typing import NamedTuple
 
 from irsbot_kinematics import Mechanism, statics
@@ -46,7 +45,12 @@ class Reporter:
         if not estimate.effort:
             return self._no_joints
         at = assessment.at
-        return tuple(map(_leg_force, estimate.effort, at.levers, at.normalised_levers))
+        return tuple(
+            [
+                _leg_force(effort, lever, sine)
+                for effort, lever, sine in zip(estimate.effort, at.levers, at.normalised_levers, strict=True)
+            ]
+        )
 
     def rejected(self, sample: JointSample, sequence: int, cause: int) -> SingularityState:
         """The state of a rejected sample: UNKNOWN, all numbers NaN."""
@@ -76,15 +80,15 @@ class Reporter:
         spare, kind = governing(certified, stop)
         rate = _shrinking(before, estimate.stamp_ns, now, kind)
         error = self._mechanism.certified_bounds(at, self._errors, self._slack_m)
-        stamp_ns, received_ns, seen_ns, _, velocity, *_ = estimate
-        drive = tuple(map(neg, map(mul, at.levers, velocity)))
-        type1 = tuple(map(abs, at.normalised_levers))
+        stamp_ns, received_ns, velocity = estimate.stamp_ns, estimate.received_ns, estimate.velocity
+        drive = tuple([-(lever * rate) for lever, rate in zip(at.levers, velocity, strict=True)])
+        type1 = tuple([abs(sine) for sine in at.normalised_levers])
         return SingularityState(
             stamp_ns=stamp_ns,
             robot=self._robot,
             sequence=sequence,
             received_ns=received_ns,
-            seen_ns=seen_ns,
+            seen_ns=estimate.seen_ns,
             level=level,
             causes=causes,
             joint_position=at.joints,
@@ -97,11 +101,11 @@ class Reporter:
             type2_margin=now[1],
             constraint_margin=at.constraint,
             limb_margin=at.limb,
-            type1_uncertainty=tuple(map(sub, type1, error.type1)),
+            type1_uncertainty=tuple([sine - least for sine, least in zip(type1, error.type1, strict=True)]),
             type2_uncertainty=now[1] - error.type2,
             constraint_uncertainty=at.constraint - error.constraint,
             clearance=self._mechanism.clearance(at),
-            pressure_angle=tuple(map(acos, at.cos_pressure)),
+            pressure_angle=tuple([acos(cosine) for cosine in at.cos_pressure]),
             reaction=reaction,
             reaction_max=statics.reaction_max(FLOATS, at.screws, self._force, self._moment, turns=bool(at.attachments)),
             stop_margin=certified[kind],
@@ -111,14 +115,22 @@ class Reporter:
             approaching=rate > 0.0,
             closure_residual=at.residual,
             sample_age=(received_ns - stamp_ns) / NS_PER_S,
+            compute_time=nan,  # the node measures it
         )
 
 
 def governing(certified: Margins, stop: Margins) -> tuple[float, int]:
     """The margin that governs: smallest spare to its stop limit, and which of the margins it is."""
-    spares = tuple(map(sub, certified, stop))
-    spare = min(spares)
-    return spare, spares.index(spare)
+    type1, type2, constraint, limb = certified
+    a, b, c, d = stop
+    spare, kind = type1 - a, 0
+    if type2 - b < spare:
+        spare, kind = type2 - b, 1
+    if constraint - c < spare:
+        spare, kind = constraint - c, 2
+    if limb - d < spare:
+        spare, kind = limb - d, 3
+    return spare, kind
 
 
 def _shrinking(then: Moment | None, stamp_ns: int, now: Margins, kind: int) -> float:

@@ -54,8 +54,10 @@ class Known(NamedTuple):
 
     def serves(self, low: Floats, high: Floats) -> bool:
         """True if another box lies in this one, and is not so small that its own bounds may be better."""
-        sides = zip(self.low, low, self.high, high, self.least, strict=True)
-        return all(a <= b and c >= d and d - b >= least for a, b, c, d, least in sides)
+        return all(
+            a <= b and c >= d and d - b >= least
+            for a, b, c, d, least in zip(self.low, low, self.high, high, self.least, strict=True)
+        )
 
 
 class StoppingPredictor:
@@ -88,13 +90,17 @@ class StoppingPredictor:
         forward, backward = self._box.until_rest(speeds, prediction_delay_s + self._latency)
         if not sum(forward, 0.0) + sum(backward, 0.0) < inf:
             return nothing_of(at)
-        forward, backward = list(map(add, forward, self._box.errors)), list(map(add, backward, self._box.errors))
+        errors = self._box.errors
+        forward = [way + error for way, error in zip(forward, errors, strict=True)]
+        backward = [way + error for way, error in zip(backward, errors, strict=True)]
         if moved is not None:
             forward, backward = list(map(add, forward, moved[1])), list(map(sub, backward, moved[0]))
-        certified = self._bounds.around(at, tuple(map(max, forward, backward)))
+        half = tuple([max(ahead, back) for ahead, back in zip(forward, backward, strict=True)])
+        certified = self._bounds.around(at, half)
         if spare_of(certified, self._usual[0][0] if wanted is None else wanted) >= 0.0:
             return certified
-        low, high = tuple(map(sub, at.joints, backward)), tuple(map(add, at.joints, forward))
+        low = tuple([q - way for q, way in zip(at.joints, backward, strict=True)])
+        high = tuple([q + way for q, way in zip(at.joints, forward, strict=True)])
         if wanted is not None:
             return self._bounds.least(at, low, high, wanted, self._cuts)
         return self._sampled(at, low, high)
@@ -169,7 +175,8 @@ def _shares(low: Floats, high: Floats, share: float) -> Floats:
 
 def _wider(low: Floats, high: Floats, share: float) -> tuple[Floats, Floats]:
     more = _shares(low, high, share)
-    return tuple(map(sub, low, more)), tuple(map(add, high, more))
+    below = tuple([a - step for a, step in zip(low, more, strict=True)])
+    return below, tuple([b + step for b, step in zip(high, more, strict=True)])
 
 
 def limits_of(settings: Settings, which: str) -> Margins:

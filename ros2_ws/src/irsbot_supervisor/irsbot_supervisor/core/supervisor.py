@@ -51,6 +51,8 @@ RESTARTED = "the supervisor was started again, and the robot was not supervised 
 """Reason why the branch is unknown after a restart."""
 
 OK = Level.OK
+STOP = Level.STOP
+"""Local copies, as in `assessment`."""
 
 FOREVER = 2**63
 """ns: later than every time."""
@@ -279,7 +281,7 @@ class Supervisor:
         accepted = self._intake.check(sample)
         if isinstance(accepted, Rejected):
             return self._rejected(sample, accepted, report)
-        estimate = self._estimator.update(accepted, self._latch.now.level >= Level.STOP)
+        estimate = self._estimator.update(accepted, self._latch.now.level >= STOP)
         if isinstance(estimate, Rejected):
             return self._rejected(sample, estimate, report)
         assessment = self._assess(estimate)
@@ -310,9 +312,9 @@ class Supervisor:
         if late:
             found.append(self._policy.rare(estimate, certified))
         found = self._found = [*found, *self._position.judge(estimate, first), *self._stops.look(estimate)]
-        moved_freely = self._latch.now.level < Level.STOP
+        moved_freely = self._latch.now.level < STOP
         self._latch.update(found, sample.seen_ns)
-        if moved_freely and self._latch.now.level >= Level.STOP:
+        if moved_freely and self._latch.now.level >= STOP:
             self._stops.begin(estimate)
             self.seen_too_rarely += late
         level = max([finding.level for finding in found]) if found else OK

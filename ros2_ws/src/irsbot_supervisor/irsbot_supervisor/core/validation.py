@@ -86,7 +86,7 @@ class Intake:
             return Rejected(Cause.NAMES, f"the arrays do not fit the names: {lengths}")
         pick = self._pick
         q = pick(position)
-        if not sum(map(abs, q)) <= FARTHEST:
+        if not sum([abs(value) for value in q]) <= FARTHEST:
             for name, value in zip(self._joints, q, strict=True):
                 if not -FARTHEST <= value <= FARTHEST:
                     return Rejected(*_bad_position(name, value))

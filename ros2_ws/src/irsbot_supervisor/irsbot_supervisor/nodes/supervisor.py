@@ -21,6 +21,7 @@ from irsbot_msgs_py.cdr import encode_state, encode_verdict
 from irsbot_msgs_py.process.priority import MEANING, PARAMETER, PRIORITY, checked_priority
 from irsbot_msgs_py.process.run import run
 from irsbot_msgs_py.records import Bypass, JointSample, Reset, Restart, Tick, Verdict
+from irsbot_msgs_py.records import SingularityState as State
 from irsbot_supervisor.bag.journal import Entry, configured, write_entry
 from irsbot_supervisor.core.events import Configure, Event, Step
 from irsbot_supervisor.core.settings import InvalidSettings, Settings
@@ -242,7 +243,8 @@ class SupervisorNode(LifecycleNode):
             state = step.state
             if state is not None:
                 self._reported_ns = event.seen_ns
-                state = state._replace(compute_time=(time.monotonic_ns() - event.seen_ns) * 1e-9)
+                compute_time_s = (time.monotonic_ns() - event.seen_ns) * 1e-9
+                state = State._make((*state[:-1], compute_time_s))  # a third of the time of `_replace`
                 if self._listened and self._publishing.grow(event.seen_ns) >= 1.0:
                     self._publishing.left -= 1.0
                     self._states.publish(encode_state(state))

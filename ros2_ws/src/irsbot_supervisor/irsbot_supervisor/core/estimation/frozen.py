@@ -40,6 +40,9 @@ class Suspicion(NamedTuple):
     speeds: Floats = ()  # rad/s or m/s as reported of joints that may be frozen, 0 of the others; empty for none
 
 
+NO_DOUBT = Suspicion()
+
+
 class Frozen:
     """Examines one sample after the other."""
 
@@ -64,7 +67,7 @@ class Frozen:
         """Doubts about a sample whose positions changed by `moved` (rad or m) in `dt` s since the last one."""
         stated = sample.velocity
         if not stated or (not self.still and all(abs(step) > self._step for step in moved)):
-            return Suspicion()
+            return NO_DOUBT
         lost, fault, speeds = "", "", [0.0] * len(moved)
         for k, (step, rate, fastest) in enumerate(zip(moved, stated, self._fastest, strict=True)):
             now, still = sample.position[k], self.still.pop(k, None)

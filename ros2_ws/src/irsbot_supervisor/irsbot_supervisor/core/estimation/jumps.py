@@ -7,7 +7,6 @@ rejected. A joint with a large jump has to return. If it stays at the new positi
 from __future__ import annotations
 
 from math import remainder
-from operator import sub
 
 from irsbot_kinematics.mechanism import Coordinate
 from irsbot_msgs_py.records import Floats
@@ -49,14 +48,13 @@ class Jumps:
 
     def moved(self, now: Floats, before: Floats) -> Floats:
         """rad or m from one position to another, angles modulo a turn."""
-        return tuple(map(remainder, map(sub, now, before), self._turns))
+        return tuple([remainder(q - then, turn) for q, then, turn in zip(now, before, self._turns, strict=True)])
 
     def too_far(self, moved: Floats, span_s: float) -> str:
         """The reason why a joint cannot move so far in this time; empty if all joints can."""
-        joints = zip(self._names, self._units, moved, self._fastest, self._errors, strict=True)
-        for name, unit, step, fastest, error in joints:
+        for j, (step, fastest, error) in enumerate(zip(moved, self._fastest, self._errors, strict=True)):
             if not abs(step) <= fastest * span_s + error:
-                return f"joint '{name}' jumped by {step:.4g} {unit} in {span_s * 1e3:.3g} ms"
+                return f"joint '{self._names[j]}' jumped by {step:.4g} {self._units[j]} in {span_s * 1e3:.3g} ms"
         return ""
 
     def fault(self, sample: Accepted, last: Estimate, moved: Floats, too_far: str, span_s: float) -> str:

@@ -85,17 +85,18 @@ class Observer:
         if not kept:
             return self.restart(stamp_ns, position)
         dt = (stamp_ns - kept[-1][0]) / NS_PER_S
-        limits = list(zip(self._gains, self._fastest, strict=True))
-        forward = [min(speed + gain * dt, most) for speed, (gain, most) in zip(last.forward, limits, strict=True)]
-        backward = [min(speed + gain * dt, most) for speed, (gain, most) in zip(last.backward, limits, strict=True)]
+        gains, fastest = self._gains, self._fastest
+        forward = [min(v + gain * dt, most) for v, gain, most in zip(last.forward, gains, fastest, strict=True)]
+        backward = [min(v + gain * dt, most) for v, gain, most in zip(last.backward, gains, fastest, strict=True)]
         back, count = 1, len(kept)
         while True:
             then_ns, then = kept[-back]
             span = (stamp_ns - then_ns) / NS_PER_S
             if span > self._told_s:  # a joint may have gone half a turn: which way round is not known
                 break
-            joints = zip(position, then, self._turns, self._errors, self._gains, strict=True)
-            for j, (now, before, turn, error, gain) in enumerate(joints):
+            for j, (now, before, turn, error, gain) in enumerate(
+                zip(position, then, self._turns, self._errors, gains, strict=True)
+            ):
                 mean, gained = remainder(now - before, turn) / span, gain * span
                 rest = error / span + 0.5 * gained
                 up, down = mean + rest, rest - mean

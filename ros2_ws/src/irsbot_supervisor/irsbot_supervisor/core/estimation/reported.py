@@ -44,7 +44,7 @@ class Reported:
         self._tolerances = settings.velocity_tolerance if self._trust else (slow,) * len(self._names)
         errors = stamped_errors(settings)
         self._errors = tuple([2.0 * error for error in errors])
-        self._windows_ns = tuple(
+        self._window_ns = max(
             [round((4.0 * error / gain) ** 0.5 * NS_PER_S) for error, gain in zip(errors, self._gains, strict=True)]
         )
 
@@ -69,13 +69,14 @@ class Reported:
         """Accepted rates of a sample whose speeds are bounded, and the fault of the reported ones."""
         kept, stated = self._kept, sample.velocity
         kept.append(sample)
-        while len(kept) > 2 and sample.stamp_ns - kept[1].stamp_ns >= max(self._windows_ns):
+        while len(kept) > 2 and sample.stamp_ns - kept[1].stamp_ns >= self._window_ns:
             kept.popleft()
         then = kept[0]
         span = (sample.stamp_ns - then.stamp_ns) / NS_PER_S
         rates, fault = [], "" if stated else "the message has no velocities"
-        bounds = zip(speeds.forward, speeds.backward, self._gains, self._errors, self._tolerances, strict=True)
-        for j, (forward, backward, gain, error, tolerance) in enumerate(bounds):
+        for j, (forward, backward, gain, error, tolerance) in enumerate(
+            zip(speeds.forward, speeds.backward, self._gains, self._errors, self._tolerances, strict=True)
+        ):
             mean = nan
             if span > 0.0:
                 mean = remainder(sample.position[j] - then.position[j], self._turns[j]) / span
