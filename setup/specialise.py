@@ -59,23 +59,32 @@ setattr(Legs, "__class_getitem__", classmethod(lambda cls, given: cls))
 read their annotations at run time, and `Legs[N]` is one."""
 
 
+ARRAYS = re.compile(r"\b(?:np|Array|ARRAYS|NDArray|Any)\b")
+"""A function that names none of these works on floats alone."""
+
+
 class Generic(NamedTuple):
     """A function on numbers of type `N`."""
 
     node: ast.FunctionDef
-    method: bool
     abstract: bool
+
+
+def functions(source: str) -> list[ast.FunctionDef]:
+    """The functions of a module and of its classes, in order."""
+    tree = ast.parse(source)
+    classes = [one for one in tree.body if isinstance(one, ast.ClassDef)]
+    items = [*tree.body, *[item for one in classes for item in one.body]]
+    return sorted([item for item in items if isinstance(item, ast.FunctionDef)], key=lambda node: node.lineno)
 
 
 def generics(source: str) -> dict[str, Generic]:
     """The functions of a module whose signature names `N`, by name."""
     found = {}
-    tree = ast.parse(source)
-    methods = {id(item) for node in ast.walk(tree) if isinstance(node, ast.ClassDef) for item in node.body}
-    for node in ast.walk(tree):
-        if isinstance(node, ast.FunctionDef) and _names_n(node):
+    for node in functions(source):
+        if _names_n(node):
             decorators = [ast.unparse(decorator) for decorator in node.decorator_list]
-            found[node.name] = Generic(node, id(node) in methods, "abstractmethod" in decorators)
+            found[node.name] = Generic(node, "abstractmethod" in decorators)
     return found
 
 
@@ -93,17 +102,19 @@ def specialised(name: str, source: str, known: set[str]) -> str:
     else:
         _mark_classes(source, lines, COPIED)
     own = generics(source)
-    ends = {entry.node.end_lineno: entry for entry in own.values()}
     written: list[str] = []
     begin = 0
-    for number in sorted(end for end in ends if end is not None):
-        entry = ends[number]
-        first = min([entry.node.lineno, *[decorator.lineno for decorator in entry.node.decorator_list]]) - 1
+    for node in functions(source):
+        first = min([node.lineno, *[decorator.lineno for decorator in node.decorator_list]]) - 1
+        last = node.end_lineno or first
+        text = "".join(lines[first:last])
+        entry = own.get(node.name)
+        generic = entry is not None and entry.node.lineno == node.lineno
         written.append(_rewritten("".join(lines[begin:first]), False, known))
-        text = "".join(lines[first:number])
-        written.append(_rewritten(text, False, known))
-        written.append(_float_form(text, entry, known))
-        begin = number
+        written.append(_rewritten(text, False, known, on_floats=not generic and not ARRAYS.search(text)))
+        if entry is not None and generic:
+            written.append(_float_form(text, entry, known))
+        begin = last
     written.append(_rewritten("".join(lines[begin:]), False, known))
     return _with_header(name, "".join(written))
 
@@ -147,8 +158,9 @@ def _with_header(name: str, text: str) -> str:
     return native(text.replace(f"{FUTURE}\n", f"{FUTURE}; {header}\n", 1))
 
 
-def _rewritten(text: str, floats: bool, known: set[str]) -> str:
-    """A piece of a module in one of the two forms."""
+def _rewritten(text: str, floats: bool, known: set[str], on_floats: bool = False) -> str:
+    """A piece of a module in one of the two forms. on_floats: True if the functions of modules that it calls get
+    floats; methods may be those of a mechanism that has one form alone."""
     number = FLOAT if floats else OBJECT
     pieces: list[str] = []
     code = _tokens(text)
@@ -177,7 +189,7 @@ def _rewritten(text: str, floats: bool, known: set[str]) -> str:
             word in known
             and after == "("
             and code[index - 2 : index - 1] != ["class"]
-            and (floats or _is_given_floats(code, index))
+            and (floats or (on_floats and code[index - 2 : index] == ["statics", "."]) or _is_given_floats(code, index))
         ):
             pieces.append(f"{word}__float")
         else:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from math import nan
+from math import inf, nan
 from pathlib import Path
 from typing import Any
 
@@ -119,7 +119,7 @@ def test_a_goal_is_met_at_its_limit_and_never_by_nan(at_least: bool, measured: f
 
 def test_the_default_robot_and_the_slowest_other_one_are_judged() -> None:
     medians = (("a", 9.0), ("b", 3.0), ("c", 26.0))
-    plain = [OneSample(name, 10, median, median, 99.0) for name, median in medians]
+    plain = [OneSample(name, 10, median, median, 99.0, 99.0) for name, median in medians]
     found = {row.what: row for row in rows(Measured(one_sample=plain))}
     assert found["one step, median, a, plain"].met
     assert found["one step, worst, a, plain"].measured == 99.0
@@ -245,6 +245,7 @@ def test_parts_without_processes_give_every_robot_the_batch_and_their_goals() ->
     assert [result["robot"] for result in facts["one_sample"]] == list(scenario_robots("pick_and_place"))
     for result in facts["one_sample"]:
         assert 0.0 < result["median_us"] <= result["p99_us"] <= result["worst_us"]
+        assert 0.0 < result["with_state_us"] < inf
     # two joints in; status, pose, mode, margins of both types, constraint, angles, reach, residual out
     assert facts["batch"]["bytes_per_sample"] == 16 + 1 + 16 + 2 + 16 + 8 + 8 + 16 + 8 + 8
     # plain Python has a goal for the default robot alone

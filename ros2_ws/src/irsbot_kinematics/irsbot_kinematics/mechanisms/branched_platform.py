@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from math import cos, hypot, inf, nan, pi, remainder, sin, tau
-from operator import add, le, lt, mul, neg, sub
+from math import cos, hypot, inf, nan, pi, remainder, sin, sqrt, tau
+from operator import le, lt, mul
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -210,8 +210,8 @@ class BranchedPlatform(TurningPlatform):
 
     def _follow(self, joints: Floats, at: Posture) -> Posture | None:
         """One proved step, or None: first order, steps with the screws of `at`, then Newton steps."""
-        ahead = list(map(sub, joints, at.joints))
-        asked = self.travel_of(at, list(map(abs, ahead)), 0.0)
+        ahead = [q - before for q, before in zip(joints, at.joints, strict=True)]
+        asked = self.travel_of(at, [abs(way) for way in ahead], 0.0)
         det, columns = statics.cofactors(at.screws)
         d, t = self.box(at, asked)
         box = [(0.0, 0.0, d)], t
@@ -221,22 +221,23 @@ class BranchedPlatform(TurningPlatform):
                 return None
             box = held
         rods = self.rods(FLOATS, joints)
-        pose, drive = at.pose, list(map(neg, map(mul, at.levers, ahead)))
+        pose, drive = at.pose, [-(lever * way) for lever, way in zip(at.levers, ahead, strict=True)]
         for _ in range(FOLLOW):
-            pose = tuple(map(add, pose, statics.combined(det, columns, drive)))
+            pose = _moved(pose, statics.combined(det, columns, drive))
             drive = self._misfit(rods, pose)
-            if max(map(abs, drive)) <= FOLLOWED_TOL_M:
+            if all(abs(error) <= FOLLOWED_TOL_M for error in drive):
                 break
         found = self.at(joints, pose, at.assembly_mode, at.gaps)  # type: ignore[arg-type]
         for _ in range(FOLLOW):
             if found.residual <= FOLLOWED_TOL_M or found.det == 0.0:
                 break
-            drive = list(map(neg, found.parts[2 * len(joints) :]))
-            pose = tuple(map(add, found.pose, statics.twist(found.screws, drive)))
+            drive = [-error for error in found.parts[2 * len(joints) :]]
+            pose = _moved(found.pose, statics.twist(found.screws, drive))
             found = self.at(joints, pose, at.assembly_mode, at.gaps)  # type: ignore[arg-type]
-        x, y, *z, turn = map(sub, found.pose, at.pose)
+        way = [there - here for there, here in zip(found.pose, at.pose, strict=True)]
+        x, y, turn, up = way[0], way[1], way[-1], way[2] if len(way) == 4 else 0.0
         inside = abs(turn) <= box[1] + CLOSURE_TOL_M / self.radius and all(
-            hypot(x - turn * cy, y + turn * cx, *z) <= most + CLOSURE_TOL_M for cx, cy, most in box[0]
+            hypot(x - turn * cy, y + turn * cx, up) <= most + CLOSURE_TOL_M for cx, cy, most in box[0]
         )
         return found if inside and found.residual <= CLOSURE_TOL_M else None
 
@@ -272,12 +273,12 @@ class BranchedPlatform(TurningPlatform):
 
     def _misfit(self, rods: Sequence[tuple[float, float, float]], pose: Floats) -> list[float]:
         """rod length - |C_iB_i|, m."""
-        x, y, *z, phi = pose
-        c, s = cos(phi), sin(phi)
-        return [
-            rod - hypot(x + c * bx - s * by - cx, y + s * bx + c * by - cy, *z)
-            for (cx, cy, rod), (bx, by) in zip(rods, self.corners, strict=True)
-        ]
+        x, y, phi, up = pose[0], pose[1], pose[-1], pose[2] if len(pose) == 4 else 0.0
+        c, s, square, misfit = cos(phi), sin(phi), up * up, []
+        for (cx, cy, rod), (bx, by) in zip(rods, self.corners, strict=True):
+            dx, dy = x + c * bx - s * by - cx, y + s * bx + c * by - cy
+            misfit.append(rod - sqrt(dx * dx + dy * dy + square))
+        return misfit
 
     def at(self, joints: Floats, pose: Floats, assembly: int, gaps: tuple[float, float]) -> Posture:
         """gaps[0] is |det A| whatever is given. `parts`: column sizes of adj(A), then the signed closure errors."""
@@ -285,16 +286,17 @@ class BranchedPlatform(TurningPlatform):
         det, columns = statics.cofactors(legs.screws)
         size = abs(det)
         if len(joints) == 3:
-            moves = [hypot(vx, vy) for vx, vy, _ in columns]
-            speeds = [
-                hypot(vx - w * ay, vy + w * ax) for (vx, vy, w), (ax, ay) in zip(columns, legs.attachments, strict=True)
-            ]
+            moves, speeds = [], []
+            for (vx, vy, w), (ax, ay) in zip(columns, legs.attachments, strict=True):
+                moves.append(sqrt(vx * vx + vy * vy))
+                ux, uy = vx - w * ay, vy + w * ax
+                speeds.append(sqrt(ux * ux + uy * uy))
         else:
-            moves = [hypot(vx, vy, vz) for vx, vy, vz, _ in columns]
-            speeds = [
-                hypot(vx - w * ay, vy + w * ax, vz)
-                for (vx, vy, vz, w), (ax, ay) in zip(columns, legs.attachments, strict=True)
-            ]
+            moves, speeds = [], []
+            for (vx, vy, vz, w), (ax, ay) in zip(columns, legs.attachments, strict=True):
+                moves.append(sqrt(vx * vx + vy * vy + vz * vz))
+                ux, uy = vx - w * ay, vy + w * ax
+                speeds.append(sqrt(ux * ux + uy * uy + vz * vz))
         return Posture(
             Status.SOLVED,
             joints,
@@ -310,7 +312,7 @@ class BranchedPlatform(TurningPlatform):
             det,
             nan if legs.constraint is None else legs.constraint,
             legs.limb,
-            max(map(abs, legs.closure)),
+            max([abs(error) for error in legs.closure]),
             legs.attachments,
             (*moves, *[abs(column[-1]) for column in columns], *legs.closure),
         )
@@ -335,6 +337,10 @@ def _copies(pose: Sequence[Array], valid: NDArray[np.bool_], left: Array) -> NDA
         repeats &= np.abs(column[:, :, None] - column[:, None, :]) <= SAME_POSE_TOL
     copies: NDArray[np.bool_] = np.asarray(repeats.any(axis=2))
     return copies
+
+
+def _moved(pose: Floats, step: Floats) -> Floats:
+    return tuple([value + change for value, change in zip(pose, step, strict=True)])
 
 
 def _between(start: Floats, end: Floats, share: float) -> Floats:

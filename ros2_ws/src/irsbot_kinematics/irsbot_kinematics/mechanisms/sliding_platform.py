@@ -182,7 +182,7 @@ class SlidingPlatform(BranchedPlatform):
 
     def _lengths(self, at: Posture) -> list[float]:
         """Lengths of struts and rods, m."""
-        return [length for *_, length in self.rods(FLOATS, at.joints)]
+        return [rod[2] for rod in self.rods(FLOATS, at.joints)]
 
     def travel_of(self, at: Posture, travel: Sequence[float], slack_m: float) -> Travel:
         """A carriage that moves by t moves by |B_ii| t along its rod. A strut that is longer by D pushes by
@@ -232,8 +232,8 @@ class SlidingPlatform(BranchedPlatform):
         whatever happens."""
         floors = []
         for rail, joint, sine in zip(self.rails, self.joints, at.type1, strict=True):
-            turn = turn_rad + _rail_errors(joint, joint.lower, 0.0, sqrt(2.0) * slack_m)[1]
-            floors.append(1.0 if rail is None else lowered(sine, turn))
+            turned = _rail_errors(joint, joint.lower, 0.0, sqrt(2.0) * slack_m)[1] if slack_m else 0.0
+            floors.append(1.0 if rail is None else lowered(sine, turn_rad + turned))
         return tuple(floors)
 
     def sines_over(self, at: Posture, travel: Sequence[float], met: Reached, slack_m: float) -> Floats:

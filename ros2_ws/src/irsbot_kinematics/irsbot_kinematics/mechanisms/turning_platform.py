@@ -9,7 +9,6 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Sequence
 from math import asin, hypot, inf, nan, sqrt
-from operator import mul
 from typing import NamedTuple
 
 from irsbot_kinematics import statics
@@ -140,8 +139,8 @@ class TurningPlatform(Mechanism):
         for i in range(n):
             moved = bend
             for alone, drive in zip(velocities, drives, strict=True):
-                square = 0.0
-                for x in alone[i]:
+                square, end_velocity = 0.0, alone[i]
+                for x in end_velocity:
                     square += x * x
                 moved += sqrt(square) * drive
             share = (min(moved, end) + asked.path) / asked.rod
@@ -150,9 +149,10 @@ class TurningPlatform(Mechanism):
             angles.append(asin(share))
         seen = [angle + t for angle in angles]
         type2 = least_cosine(velocities, turns, seen, self.geometry_errors(slack_m).arm)
-        type1 = self.sine_floors(at, travel, max(angles), slack_m)
+        rod_turn = max(angles)
+        type1 = self.sine_floors(at, travel, rod_turn, slack_m)
         limb = self.limb_floors(at, travel, slack_m, type1)
-        return CertifiedBounds(type1, type2, self.constraint_floor(at, max(angles)), limb)
+        return CertifiedBounds(type1, type2, self.constraint_floor(at, rod_turn), limb)
 
     def sharp_bounds(self, at: Posture, travel: Sequence[float], slack_m: float = 0.0) -> CertifiedBounds:
         """boxes.reached; the Type 1 sines and the constraint from what it says of the rods."""
@@ -172,9 +172,10 @@ class TurningPlatform(Mechanism):
         if not (size > 0.0 and rod > 0.0):
             return inf, inf
         sizes = at.parts or column_sizes(at.screws)
-        moves, turns = sizes[:n], sizes[n : 2 * n]
-        move, turn = sum(moves, 0.0) / size, sum(turns, 0.0) / size
-        x, y = sum(map(mul, moves, drives), 0.0) / size, sum(map(mul, turns, drives), 0.0) / size
+        x = y = move = turn = 0.0
+        for moves, turns, drive in zip(sizes[:n], sizes[n : 2 * n], drives, strict=True):
+            move, turn, x, y = move + moves, turn + turns, x + moves * drive, y + turns * drive
+        move, turn, x, y = move / size, turn / size, x / size, y / size
         bend = 0.5 * path * path / rod
         return displacement_and_turn(x + move * bend, y + turn * bend, move, turn, path, rod, self.radius)
 

@@ -119,9 +119,11 @@ def _tables(measured: Measured) -> list[Table]:
             )
         tables.append(table)
     if measured.one_sample:
-        table = Table("robot", "median [us]", "p99 [us]", "worst [us]", title="one step of the supervisor")
+        heads = ("median [us]", "p99 [us]", "worst [us]", "median with its state [us]")
+        table = Table("robot", *heads, title="one step of the supervisor, to the verdict")
         for result in measured.one_sample:
-            table.add_row(result.robot, f"{result.median_us:.1f}", f"{result.p99_us:.1f}", f"{result.worst_us:.1f}")
+            times = (result.median_us, result.p99_us, result.worst_us, result.with_state_us)
+            table.add_row(result.robot, *[f"{taken:.1f}" for taken in times])
         tables.append(table)
     if measured.batch is not None:
         table = Table("Msamples/s", "bytes per sample", "copy [GB/s]", "share of copy", title="batch")

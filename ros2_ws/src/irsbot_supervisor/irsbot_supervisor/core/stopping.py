@@ -80,12 +80,14 @@ class StoppingPredictor:
         prediction_delay_s: float,
         wanted: Margins | None = None,
         moved: tuple[Floats, Floats] | None = None,
+        search: bool = True,
     ) -> Margins:
         """Certified smallest margins until standstill from a solved posture, whatever the joints do for
         `prediction_delay_s` and the latency before they brake; errors of encoders, stamps and geometry included.
 
         wanted: goal of the bounds; if left out, the warning limits, then the stop limits. moved: lowest and highest
-        displacement (rad or m) of the joints before `prediction_delay_s` begins; none if left out.
+        displacement (rad or m) of the joints before `prediction_delay_s` begins; none if left out. search: False for
+        the first bounds alone, whatever they prove: for a sample whose prediction does not count.
         """
         forward, backward = self._box.until_rest(speeds, prediction_delay_s + self._latency)
         if not sum(forward, 0.0) + sum(backward, 0.0) < inf:
@@ -97,7 +99,7 @@ class StoppingPredictor:
             forward, backward = list(map(add, forward, moved[1])), list(map(sub, backward, moved[0]))
         half = tuple([max(ahead, back) for ahead, back in zip(forward, backward, strict=True)])
         certified = self._bounds.around(at, half)
-        if spare_of(certified, self._usual[0][0] if wanted is None else wanted) >= 0.0:
+        if not search or spare_of(certified, self._usual[0][0] if wanted is None else wanted) >= 0.0:
             return certified
         low = tuple([q - way for q, way in zip(at.joints, backward, strict=True)])
         high = tuple([q + way for q, way in zip(at.joints, forward, strict=True)])

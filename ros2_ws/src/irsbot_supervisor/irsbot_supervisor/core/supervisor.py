@@ -300,10 +300,10 @@ class Supervisor:
         self._good, self._at, self._stale, self._silence = estimate, at, False, []
         if self._latch.now.bypassed and not self._speaker.is_slow(estimate.velocity):
             self._latch.end_bypass()  # it was given for slow motion
-        certified = self._predictor.predict(at, estimate.speeds, estimate.prediction_delay_s)
+        # At the first sample the speeds are unknown, and a box of all speeds would take milliseconds to no effect.
+        certified = self._predictor.predict(at, estimate.speeds, estimate.prediction_delay_s, search=not first)
         reaction = self._reporter.reaction(estimate, assessment)
         # While the interval is learned the level is UNKNOWN anyway: until then the posture alone stops a robot at rest.
-        # At the first sample its speeds are unknown.
         waits = first or (sample.seen_ns < self._known_ns and estimate.standing_s > 0.0)
         better = None if waits else self._in_time(at, estimate, certified)
         counts = assessment.margins if waits else better or certified
