@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from irsbot_kinematics.bounds import boxes
 from irsbot_kinematics.bounds.quadratics import (
     besides,
     combined,
@@ -129,3 +130,21 @@ def test_a_number_that_is_not_finite_has_no_least_value(wrong):
         a = [1.0] * numbers(2, 1)
         a[place] = wrong
         assert np.isnan(least(2, a))
+
+
+@pytest.mark.parametrize(("n", "m"), [(3, 3), (4, 4)])
+def test_the_cosine_and_the_sine_of_a_turn_hold_for_all_joints_and_remainders(n, m):
+    rng = np.random.default_rng(53)
+    platform = object.__new__(boxes._Platform)  # these two numbers are all that it reads of a platform
+    platform.n, platform.m = n, m
+    used = []
+    for size in rng.uniform(0.01, 0.5, 300):
+        turn = [0.0, *random_quantity(rng, n, m)[1:]]
+        turn = scaled(turn, size / largest(turn))
+        at = monomials(*points(rng, n, m))
+        exact = values(turn, at, np.sign(rng.normal(size=SAMPLES)))
+        for function, stated in zip((np.cos, np.sin), platform._turned(turn), strict=True):
+            off = np.abs(function(exact) - values(stated, at))
+            assert (off <= stated[-1] + 1e-15).all()
+            used.append(off.max() / (stated[-1] + 1e-15))
+    assert np.max(used) > 0.5

@@ -10,6 +10,7 @@ from supervised import at_ns, feed, reset, sample, settings_of, supervisor_of, t
 
 from irsbot_kinematics import Status, make_robot
 from irsbot_msgs_py.records import Cause, Level, Restart
+from irsbot_supervisor.core.assessment import CONTACT_TOL_M, Assessor
 from irsbot_supervisor.core.estimation.estimate import Speeds
 from irsbot_supervisor.core.margins import margins_of
 from irsbot_supervisor.core.seed_pose import seen_posture
@@ -179,3 +180,10 @@ def test_a_confirmed_branch_holds_at_once_for_the_command_gate(name):
     assert supervisor.step(asked).refusal == ""
     assert supervisor.view is not None
     np.testing.assert_allclose(supervisor.view.at.pose, other.pose, atol=1e-6)
+
+
+@pytest.mark.parametrize(("robot", "lever_m"), [("orthoglide", 1.0), ("rrr3", make_robot("rrr3").mechanism.length_m)])
+def test_an_encoder_offset_moves_a_slide_by_itself_and_a_platform_by_its_length(robot, lever_m):
+    settings, machine = settings_of(robot, encoder_offset=2e-4)
+    assessor = Assessor(settings, machine.mechanism)
+    assert assessor.contact_m == pytest.approx(CONTACT_TOL_M + lever_m * 2e-4 + settings.slack_m, rel=1e-12)

@@ -150,6 +150,13 @@ def test_a_stamp_of_zero_or_less_is_rejected_even_at_the_beginning_of_time(stamp
     assert cause(intake().check(early)) == Cause.STAMP
 
 
+def test_only_a_stamp_of_zero_is_called_so():
+    for stamp_ns, what in ((0, "the stamp is zero"), (1, "the stamp is 10.000 s old")):
+        answer = intake().check(JointSample(stamp_ns, 10**10, 10**10, JOINTS, Q))
+        assert isinstance(answer, Rejected)
+        assert answer.text == what
+
+
 def straggler(answer: Accepted | Rejected) -> bool:
     return isinstance(answer, Rejected) and answer.cause == Cause.STAMP and answer.harmless
 

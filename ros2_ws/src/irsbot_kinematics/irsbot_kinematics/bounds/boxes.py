@@ -283,7 +283,7 @@ class _Platform:
                 c[place] = -turn[1 + j] * turn[1 + k]
                 place += 1
         c[-1] = more * (one + 0.5 * more) + most * most * most * most / 24.0
-        s[-1] = most * most * most / 6.0
+        s[-1] += most * most * most / 6.0
         return c, s
 
     def _constant(self, value: float) -> Quadratic:
