@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
@@ -15,6 +16,7 @@ from rclpy.qos import QoSProfile
 from irsbot_msgs_py.cdr import encode_joint_state
 from irsbot_msgs_py.records import JointSample
 from irsbot_supervisor.nodes import samples as module
+from irsbot_supervisor.nodes.clocks import both_clocks
 from irsbot_supervisor.nodes.samples import BURST_S, LATE_NS, MOST_BYTES, SHARE, Samples
 
 BEGIN_NS = 10**18
@@ -48,7 +50,8 @@ class FakeNode:
         self.judging_ns = 0  # in all
 
     def get_clock(self) -> Any:
-        return SimpleNamespace(now=lambda: SimpleNamespace(nanoseconds=BEGIN_NS + self.now_ns))
+        simulated = SimpleNamespace(get_ros_time_override_is_enabled=lambda: True)
+        return SimpleNamespace(handle=simulated, now=lambda: SimpleNamespace(nanoseconds=BEGIN_NS + self.now_ns))
 
     def get_logger(self) -> Any:
         return SimpleNamespace(warning=lambda text, **_: self.warnings.append(text))
@@ -203,3 +206,14 @@ def test_samples_during_a_closed_intake_and_held_ones_are_never_judged(node: Fak
     assert len(node.queue.waiting) == 1
     node.queue.waiting = []
     assert send(node, stream, 1, 1000.0) == node.judged[len(judged) :]
+
+
+def test_without_simulated_time_ros_time_is_that_of_the_system():
+    node = FakeNode()
+    assert both_clocks(node)[0] == BEGIN_NS + node.now_ns, "simulated"
+    system = SimpleNamespace(handle=SimpleNamespace(get_ros_time_override_is_enabled=lambda: False))
+    node.get_clock = lambda: system
+    before = time.time_ns(), time.monotonic_ns()
+    found = both_clocks(node)
+    after = time.time_ns(), time.monotonic_ns()
+    assert all(begin <= now <= end for begin, now, end in zip(before, found, after, strict=True))
