@@ -24,8 +24,8 @@ from strict_zips import FUTURE, Edit
 HEADER = "; from typing import Any as Any__, Final as Final__, cast as cast__; new__: Final__[Any__] = tuple.__new__"
 """Comes on the line of the first import: no line moves for it."""
 
-
 Types = dict[Expression, Type]
+"""What the type checker says of the expressions of all modules."""
 
 
 def rewrite(files: list[Path], options: list[str]) -> None:

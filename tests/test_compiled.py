@@ -69,6 +69,20 @@ def test_a_function_on_numbers_is_called_for_floats_where_floats_are_named():
     assert "floats__sin(x) + x" in text
 
 
+def test_a_function_that_names_no_arrays_calls_the_forms_for_floats():
+    source = (
+        "def det(rows: Rows[N]) -> N:\n    return rows[0][0]\n\n\n"
+        "class Platform:\n"
+        "    def moved(self, rows: Floats) -> float:\n        return statics.det(rows) + self.det(rows)\n\n"
+        "    def columns(self, rows: Array) -> Array:\n        return statics.det(rows)\n\n\n"
+        "def sized(legs: Legs[N]) -> N:\n    return statics.det(legs.screws)\n"
+    )
+    text = specialise.specialised("toy", source, set(specialise.generics(source)) - {"sized"})
+    assert "return statics.det__float(rows) + self.det(rows)" in text, "a method may have one form alone"
+    assert "def columns(self, rows: Array) -> Array:\n        return statics.det(rows)\n" in text
+    assert "def sized(legs: Legs) -> Any:\n    return statics.det(legs.screws)\n" in text
+
+
 def test_classes_of_the_core_can_be_copied_and_those_of_mechanisms_derived_from():
     source = "from __future__ import annotations\n\n\nclass Kept:\n    pass\n"
     assert "@mypyc_attr(serializable=True, allow_interpreted_subclasses=True)\nclass Kept:" in specialise.specialised(
