@@ -242,6 +242,7 @@ def _reset(tester: Tester, tally: Tally, number: int, event: int, rng: random.Ra
     from irsbot_msgs.srv import ResetStop
 
     client, accepted, done = tester.client(ResetStop, "supervisor/reset"), 0, 0
+    tester.meet(client, ResetStop.Request(event=0))  # no stop has this number
     while done < number:
         events = [rng.choice((event, event, event + 1000, 0)) for _ in range(min(AT_ONCE, number - done))]
         answers = [client.call_async(ResetStop.Request(event=e, operator_text="x" * 50)) for e in events]
