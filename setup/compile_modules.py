@@ -4,7 +4,8 @@
 
 SOURCE is `ros2_ws/src`. TARGET gets the extension modules, in a folder named by what their sources hold, and
 `irsbot_compiled.py`, which names that folder; `irsbot_kinematics.compiled` imports from there. A target that was made
-from the same sources is left as it is.
+from the same sources is left as it is. Sources are also the modules that a compiled one imports, directly or through
+others: the compiler copies their constants and the numbers of their fields.
 """
 
 from __future__ import annotations
@@ -14,9 +15,12 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from types import ModuleType
 
+from imports import with_imports
 from specialise import final, generics, specialised
 
 PACKAGES = ("irsbot_kinematics", "irsbot_msgs_py", "irsbot_supervisor")
@@ -39,7 +43,7 @@ GROUPS = {
 }
 """Modules that are compiled together: calls within a group are as cheap as in C. Two groups compile side by side."""
 
-TOOLS = ("compile_modules.py", "named_tuples.py", "specialise.py", "strict_zips.py")
+TOOLS = ("compile_modules.py", "imports.py", "named_tuples.py", "specialise.py", "strict_zips.py")
 """Modules whose change compiles everything again, as a change of a source does."""
 
 INDEX = "irsbot_compiled.py"
@@ -82,9 +86,10 @@ setup(name=name, ext_modules=extensions)
 def main(source: Path, target: Path) -> None:
     """Compile modules that are not compiled yet."""
     groups = {name: files_of(source, patterns) for name, patterns in GROUPS.items()}
+    sources = sources_of(source)
     everything = [file for files in groups.values() for file in files]
     names = {file: name_of(source, file) for file in everything}
-    made = target / folder_name(source)
+    made = target / folder_name(source, sources)
     if not made.is_dir():
         target.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=target) as folder:
@@ -94,7 +99,7 @@ def main(source: Path, target: Path) -> None:
             compile_groups(groups, source, work)
             (work / "out").rename(made)
     text = f"from pathlib import Path\n\nFOLDER = Path(__file__).parent / {made.name!r}\n"
-    text += f"SOURCES = {list(names.values())!r}\n"
+    text += f"SOURCES = {sources!r}\n"
     fresh = target / "irsbot_compiled.new"
     fresh.write_text(text)
     fresh.replace(target / INDEX)
@@ -103,22 +108,37 @@ def main(source: Path, target: Path) -> None:
             shutil.rmtree(older)
 
 
-def folder_name(source: Path) -> str:
+def sources_of(source: Path) -> list[str]:
+    """Names of the modules whose change compiles everything again."""
+    files = [file for patterns in GROUPS.values() for file in files_of(source, patterns)]
+    return [name_of(source, file) for file in with_imports(source, PACKAGES, files)]
+
+
+def folder_name(source: Path, sources: Sequence[str]) -> str:
     """Name of the folder of compiled forms: digest of the sources, then of the modules that compile them."""
+    files = {name: source / name.partition(".")[0] / Path(*name.split(".")) for name in sources}
+    # the same digest as there; that package itself imports numpy and more
+    digest = module_of(source / "irsbot_kinematics" / "irsbot_kinematics" / "compiled.py").digest_of(files)
     tools = hashlib.sha256(b"".join(Path(__file__).with_name(name).read_bytes() for name in TOOLS))
-    return f"{digest(source)}-{tools.hexdigest()[:8]}"
+    return f"{digest}-{tools.hexdigest()[:8]}"
 
 
-def digest(source: Path) -> str:
-    """Digest of the sources, as in `irsbot_kinematics.compiled`; that package itself imports numpy and more."""
-    file = source / "irsbot_kinematics" / "irsbot_kinematics" / "compiled.py"
-    spec = spec_from_file_location("irsbot_compiled_forms", file)
+def is_current(source: Path, target: Path) -> bool:
+    """True if the compiled forms in a target are those of the present sources. Much faster than `sources_of`."""
+    if not (target / INDEX).exists():
+        return False
+    index = module_of(target / INDEX)
+    return bool(index.FOLDER.is_dir() and index.FOLDER.name == folder_name(source, index.SOURCES))
+
+
+def module_of(file: Path) -> ModuleType:
+    """A module that is imported from its file alone."""
+    spec = spec_from_file_location(f"alone_{file.stem}", file)
     assert spec is not None
     assert spec.loader is not None
     module = module_from_spec(spec)
     spec.loader.exec_module(module)
-    files = [file for patterns in GROUPS.values() for file in files_of(source, patterns)]
-    return str(module.digest_of({name_of(source, file): file for file in files}))
+    return module
 
 
 def name_of(source: Path, file: Path) -> str:

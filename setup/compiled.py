@@ -29,9 +29,8 @@ def prepare(place: Place, option: str = "") -> None:
     source = place.workspace / "src"
     if not option and not (place.compiled / compile_modules.INDEX).exists():
         return
-    name = compile_modules.folder_name(source)
     with alone(place) as lock:
-        if not _is_made(place.compiled, name):
+        if not compile_modules.is_current(source, place.compiled):
             _make(place, source, lock)
 
 
@@ -46,15 +45,11 @@ def _make(place: Place, source: Path, lock: int) -> None:
         print(f"irsbot: not compiled, plain Python runs (details: {place.log})", file=sys.stderr)
 
 
-def _is_made(folder: Path, name: str) -> bool:
-    return (folder / name).is_dir() and (folder / compile_modules.INDEX).exists()
-
-
 def added_to(env: dict[str, str], place: Place) -> dict[str, str]:
     """The environment with the compiled modules. Prints once if they are older than their sources."""
     if env.get(SWITCH) or not (place.compiled / compile_modules.INDEX).exists():
         return env
-    if not _is_made(place.compiled, compile_modules.folder_name(place.workspace / "src")):
+    if not compile_modules.is_current(place.workspace / "src", place.compiled):
         text = "sources have changed since they were compiled, plain Python runs: ./irsbot setup compiles them again"
         print(f"irsbot: {text}", file=sys.stderr)
         return {**env, SWITCH: "1"}

@@ -7,6 +7,7 @@ import ctypes.util
 import importlib
 import os
 import random
+import shutil
 import struct
 import subprocess
 import sys
@@ -25,6 +26,7 @@ SOURCE = ROOT / "ros2_ws" / "src"
 CAMPAIGN = ROOT / "tests" / "campaigns" / "compiled.py"
 sys.path.insert(0, str(ROOT / "setup"))
 compile_modules = importlib.import_module("compile_modules")
+imports = importlib.import_module("imports")
 strict_zips = importlib.import_module("strict_zips")
 specialise = importlib.import_module("specialise")
 
@@ -303,11 +305,50 @@ def test_another_compiler_of_ours_means_another_folder(tmp_path: Path, monkeypat
     for name in compile_modules.TOOLS:
         (tmp_path / name).write_bytes((ROOT / "setup" / name).read_bytes())
     monkeypatch.setattr(compile_modules, "__file__", str(tmp_path / "compile_modules.py"))
-    before = compile_modules.folder_name(SOURCE)
-    assert before.startswith(f"{compile_modules.digest(SOURCE)}-")
+    sources = ["irsbot_kinematics.statics"]
+    before = compile_modules.folder_name(SOURCE, sources)
+    assert before.startswith(f"{compiled.digest(sources)}-")
     with (tmp_path / "specialise.py").open("a") as file:
         file.write("# changed\n")
-    assert compile_modules.folder_name(SOURCE) != before
+    assert compile_modules.folder_name(SOURCE, sources) != before
+
+
+def test_a_constant_or_field_that_a_compiled_module_imports_is_one_of_its_sources():
+    sources = compile_modules.sources_of(SOURCE)
+    named = "irsbot_supervisor.core.settings", "irsbot_kinematics.numerics.tolerances", "irsbot_msgs_py.records"
+    through_a_package = "irsbot_kinematics.mechanisms.irsbot2_space.geometry"
+    assert {*named, through_a_package, "irsbot_supervisor.core.supervisor"} <= set(sources)
+    assert not any(name.startswith("irsbot_supervisor.cli") for name in sources)
+
+
+def test_imports_are_followed_into_functions_and_packages(tmp_path: Path):
+    package = tmp_path / "one" / "one"
+    (package / "inner").mkdir(parents=True)
+    texts = {
+        "begin.py": "import math\nif False:\n    from one.types import T\n",
+        "types.py": "def f():\n    from one.inner import deep\n",
+        "inner/__init__.py": "import other\n",
+        "inner/deep.py": "",
+        "apart.py": "import one.begin\n",
+    }
+    for name, text in texts.items():
+        (package / name).write_text(text)
+    found = imports.with_imports(tmp_path, ["one"], [package / "begin.py"])
+    assert [str(file.relative_to(package)) for file in found] == sorted(texts.keys() - {"apart.py"})
+
+
+def test_compiled_forms_are_current_until_a_source_changes(tmp_path: Path):
+    source = tmp_path / "src"
+    for package in compile_modules.PACKAGES:
+        shutil.copytree(SOURCE / package / package, source / package / package)
+    sources = compile_modules.sources_of(source)
+    target = tmp_path / "made"
+    assert not compile_modules.is_current(source, target)
+    put(target, compile_modules.folder_name(source, sources), sources)
+    assert compile_modules.is_current(source, target)
+    with (source / "irsbot_supervisor" / "irsbot_supervisor" / "core" / "settings.py").open("a") as file:
+        file.write("# changed\n")
+    assert not compile_modules.is_current(source, target)
 
 
 @pytest.fixture
@@ -374,7 +415,7 @@ def test_the_first_module_of_the_core_that_is_imported_is_compiled_too(tmp_path:
 
 
 needs_compiled = pytest.mark.skipif(
-    not (ROOT / "ros2_ws" / "compiled" / compile_modules.folder_name(SOURCE)).is_dir(),
+    not compile_modules.is_current(SOURCE, ROOT / "ros2_ws" / "compiled"),
     reason="not compiled, or sources have changed since: ./irsbot setup --compiled",
 )
 
