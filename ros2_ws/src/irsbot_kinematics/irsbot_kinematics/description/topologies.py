@@ -86,6 +86,13 @@ def referenced(stated: Mapping[str, Any], files: Iterable[Path] = ()) -> Topolog
     raise BadInput(f"the robot was defined by {where}, which {state}{looked}; {wanted_back}")
 
 
+def file_of(stated: object, folder: Path) -> Path | None:
+    """The Python file of a mechanism that a robot file names as FILE.py:CLASS; None for one that is named otherwise.
+    folder: where the robot file is."""
+    where, _, _name = stated.rpartition(":") if isinstance(stated, str) else ("", "", "")
+    return folder / where if where.endswith(".py") else None
+
+
 def _known() -> str:
     installed = sorted({found.name for found in entry_points(group=GROUP)})
     names = ", ".join([*TOPOLOGIES, *installed])
@@ -94,7 +101,8 @@ def _known() -> str:
 
 def _class_of(stated: str, folder: Path) -> Any:
     where, _, name = stated.rpartition(":")
-    module = _file_module(stated, folder / where) if where.endswith(".py") else _module(stated, where)
+    file = file_of(stated, folder)
+    module = _file_module(stated, file) if file is not None else _module(stated, where)
     if not hasattr(module, name):
         own = [n for n, c in vars(module).items() if inspect.isclass(c) and c.__module__ == module.__name__]
         raise BadInput(f"mechanism '{stated}': there is no class '{name}' in it; it has {', '.join(own) or 'none'}")

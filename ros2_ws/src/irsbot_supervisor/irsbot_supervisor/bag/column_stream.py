@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -11,6 +13,7 @@ import polars as pl
 from polars.io.plugins import register_io_source
 
 from irsbot_kinematics import BadInput
+from irsbot_supervisor.bag.whole_file import whole_file
 
 
 def write_chunks(path: Path, chunks: Iterable[Mapping[str, Any]]) -> None:
@@ -20,15 +23,23 @@ def write_chunks(path: Path, chunks: Iterable[Mapping[str, Any]]) -> None:
     """
     if path.suffix not in (".csv", ".parquet"):
         raise BadInput(f"cannot write '{path}': the suffix must be .csv or .parquet")
-    part = path.with_name(path.name + ".part")
-    with part.open("wb"):  # refuse before the work begins
-        pass
-    try:
+    with table_file(path) as draft:
         frames = (pl.DataFrame(dict(chunk)) for chunk in chunks)
-        (_write_csv if path.suffix == ".csv" else _write_parquet)(part, frames)
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
+        (_write_csv if path.suffix == ".csv" else _write_parquet)(draft, frames)
+
+
+@contextmanager
+def table_file(path: Path) -> Iterator[Path]:
+    """`whole_file` of a table that polars writes. Raises OSError also where polars reports one in words alone."""
+    try:
+        with whole_file(path) as draft:
+            yield draft
+    except (pl.exceptions.ComputeError, OSError) as error:
+        text = str(error).partition("\n")[0]
+        stated = bool(error.strerror) if isinstance(error, OSError) else "os error" not in text
+        if stated:
+            raise
+        raise OSError(errno.EIO, f"cannot be written: {text}", str(path)) from None
 
 
 def _write_csv(path: Path, frames: Iterator[pl.DataFrame]) -> None:

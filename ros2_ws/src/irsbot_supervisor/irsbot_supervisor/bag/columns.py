@@ -15,6 +15,7 @@ from irsbot_msgs_py.records import JointSample
 from irsbot_supervisor.bag.bag import Bag
 from irsbot_supervisor.bag.bag_files import is_bag
 from irsbot_supervisor.bag.column_reader import Columns
+from irsbot_supervisor.bag.column_stream import write_chunks
 from irsbot_supervisor.bag.joint_columns import JointColumns, JointSamples, columns_of
 from irsbot_supervisor.bag.topics import choose_joint_topic
 
@@ -111,14 +112,8 @@ def _cell(row: int, column: str) -> str:
 
 
 def write_columns(path: Path, columns: dict[str, Any]) -> None:
-    """One column per entry, as CSV or Parquet by the suffix. Raises BadInput for another suffix."""
-    frame = pl.DataFrame(columns)
-    if path.suffix == ".parquet":
-        frame.write_parquet(path)
-    elif path.suffix == ".csv":
-        frame.write_csv(path)
-    else:
-        raise BadInput(f"cannot write '{path}': the suffix must be .csv or .parquet")
+    """One column per entry, as CSV or Parquet by the suffix. Raises BadInput for another suffix, OSError."""
+    write_chunks(path, [columns])
 
 
 def _from_bag(path: Path, names: list[str], wanted: str | None) -> tuple[Array, Array]:

@@ -14,6 +14,7 @@ import typer
 from rich.table import Table
 
 from irsbot_kinematics import BadInput
+from irsbot_kinematics.compiled import are_used
 from irsbot_supervisor.cli.common import err, out, print_json
 from irsbot_supervisor.fleet.version import code_version
 from irsbot_supervisor.report.json_values import plain
@@ -61,17 +62,24 @@ def bench(
     if page is not None and (history is None or page.suffix != ".html"):
         raise BadInput("--page draws the results of --history FILE, and its suffix must be .html")
     earlier = read(history) if history is not None else []  # refused before the work begins
+    for file in filter(None, (history, page)):
+        if not file.parent.is_dir():
+            raise BadInput(f"cannot write '{file}': there is no folder '{file.parent}'")
     with Others() as others:
         measured = _measure(set(only or Part), quick)
     rows = report.rows(measured)
-    facts = _facts(measured, rows, others)
+    facts = {"quick": quick, **_facts(measured, rows, others)}
+    if as_json:
+        print_json(facts)
+    else:
+        _show(measured, rows, others, quick)
     if history is not None:
         append(history, plain(facts))
         if page is not None:
             write_page([*earlier, plain(facts)], page)
-    if as_json:
-        print_json(facts)
-        return
+
+
+def _show(measured: Measured, rows: list[Row], others: Others, quick: bool) -> None:
     for table in _tables(measured):
         out.print(table)
     if rows:
@@ -166,6 +174,7 @@ def _facts(measured: Measured, rows: list[Row], others: Others) -> dict[str, obj
     return {
         "version": code_version(),
         "time": datetime.now(timezone.utc).isoformat(timespec="seconds"),
+        "compiled": are_used(),
         "other_processes_cores": others.cores,
         "machine": {"python": platform.python_version(), "processors": os.cpu_count(), "system": platform.platform()},
         "goals": [{**row._asdict(), "met": row.met} for row in rows],

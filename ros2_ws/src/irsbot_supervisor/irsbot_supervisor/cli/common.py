@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NoReturn
@@ -93,6 +94,14 @@ def progress_bar() -> Progress:
         console=err,
         transient=True,
     )
+
+
+def without_shared_folder(paths: Sequence[str]) -> tuple[str, list[str]]:
+    """The folder that all paths share, and each path below it; empty, and the paths as given, if they share none."""
+    if len({Path(path).is_absolute() for path in paths}) > 1:
+        return "", list(paths)
+    shared = os.path.commonpath([Path(path).parent for path in paths])
+    return shared, [os.path.relpath(path, shared or ".") for path in paths]
 
 
 def print_json(value: Any) -> None:

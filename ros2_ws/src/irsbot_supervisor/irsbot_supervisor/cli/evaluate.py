@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -13,7 +12,7 @@ from rich.table import Table
 
 from irsbot_kinematics import BadInput
 from irsbot_supervisor.cli.cluster import SchedulerOption, WorkersOption, cluster_of, everywhere
-from irsbot_supervisor.cli.common import err, existing, out, print_json, progress_bar
+from irsbot_supervisor.cli.common import err, existing, out, print_json, progress_bar, without_shared_folder
 from irsbot_supervisor.cli.kinematics import AsJson, RobotName
 from irsbot_supervisor.fleet.search import bags_in
 
@@ -61,6 +60,8 @@ def evaluate(
     if dataset.suffix:
         if len(jobs) > 1:
             raise BadInput(f"cannot write '{dataset}': {len(jobs)} inputs need a folder, without a suffix")
+        if scheduler is not None:
+            raise BadInput("--scheduler is for a folder of tables, without a suffix; one table is made here")
         row, columns = evaluated_columns(InputJob(jobs[0].name, jobs[0].name, question))
         for warning in row.warnings:
             err.print(f"irsbot: {warning}")
@@ -97,15 +98,15 @@ def _show(rows: Sequence[InputRow], folder: Path, as_json: bool) -> None:
     if as_json:
         print_json({"inputs": [asdict(row) for row in rows], "total": total, "folder": folder})
         return
-    shared = os.path.commonpath([Path(row.input).parent for row in rows])
+    shared, names = without_shared_folder([row.input for row in rows])
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
     table.add_column("input", overflow="fold")
     for heading in ("samples", "assembled", "Type 2", "constraint"):
         table.add_column(heading, no_wrap=True, justify="right")
-    for row in rows:
+    for name, row in zip(names, rows, strict=True):
         figures = ["" if value is None else f"{value:.4f}" for value in (row.type2, row.constraint)]
         counts = ["", "not evaluated"] if row.error else [str(row.samples), str(row.assembled)]
-        table.add_row(os.path.relpath(row.input, shared or "."), *counts, *figures)
+        table.add_row(name, *counts, *figures)
     if shared:
         out.print(f"inputs in {shared}")
     out.print(table)
@@ -116,4 +117,5 @@ def _show(rows: Sequence[InputRow], folder: Path, as_json: bool) -> None:
         f"{total['inputs']} inputs, {total['not_evaluated']} not evaluated; {total['samples']} samples, "
         f"{total['assembled']} assembled; smallest margins are shown"
     )
-    out.print(f"written to {folder}")
+    if folder.exists():
+        out.print(f"written to {folder}")

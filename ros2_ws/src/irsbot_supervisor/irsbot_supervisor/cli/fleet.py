@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -10,7 +9,7 @@ from rich.table import Table
 
 from irsbot_kinematics import BadInput
 from irsbot_supervisor.cli.cluster import everywhere
-from irsbot_supervisor.cli.common import Failed, out, print_json, progress_bar
+from irsbot_supervisor.cli.common import Failed, out, print_json, progress_bar, without_shared_folder
 from irsbot_supervisor.fleet.cluster import Cluster
 from irsbot_supervisor.fleet.records import BagJob, BagRow, Fleet, Options
 
@@ -56,13 +55,13 @@ def show(rows: Sequence[BagRow], folder: Path | None, as_json: bool) -> None:
     if as_json:
         print_json({"bags": [row.as_json() for row in rows], "total": total, "folder": folder})
         return
-    shared = os.path.commonpath([Path(row.bag).parent for row in rows])
+    shared, names = without_shared_folder([row.bag for row in rows])
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
     table.add_column("bag", overflow="fold")
     for heading in ("margin", "value", "limit", "stops", "false", "lost", "s", "result"):
         table.add_column(heading, no_wrap=True, justify="left" if heading in ("margin", "result") else "right")
-    for row in rows:
-        table.add_row(os.path.relpath(row.bag, shared or "."), *_cells(row))
+    for name, row in zip(names, rows, strict=True):
+        table.add_row(name, *_cells(row))
     if shared:
         out.print(f"bags in {shared}")
     out.print(table)
@@ -78,7 +77,7 @@ def show(rows: Sequence[BagRow], folder: Path | None, as_json: bool) -> None:
         f"{total['bags']} bags: {total['same']} same, {total['differ']} differ, {total['not_judged']} not judged; "
         f"{total['stops']} stops, {total['false_stops']} false; {total['lost']} samples lost"
     )
-    if folder is not None:
+    if folder is not None and folder.exists():
         out.print(f"written to {folder}")
 
 

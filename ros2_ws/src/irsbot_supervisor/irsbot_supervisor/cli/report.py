@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from irsbot_kinematics import BadInput
+from irsbot_supervisor.bag.whole_file import write_whole
 from irsbot_supervisor.cli import fleet
 from irsbot_supervisor.cli.cluster import SchedulerOption, WorkersOption, cluster_of
 from irsbot_supervisor.cli.common import out, print_json
@@ -26,7 +27,7 @@ from irsbot_supervisor.fleet.search import bags_in
 def report(
     bags: BagsArgument,
     pages: Annotated[
-        Path, typer.Option("-o", "--output", help="page to write, .html; for several bags the folder of their pages")
+        Path, typer.Option("-o", "--output", help="page to write, .html; without a suffix the folder of several pages")
     ],
     robot: RobotOption = None,
     settings: SettingsOption = None,
@@ -41,25 +42,27 @@ def report(
 
     Example: irsbot report runs/demo/bag -o run.html
 
-    Several bags, or a folder of them, give a page each and one of all: irsbot report bags -o runs/fleet
+    A folder gets a page for each bag and one of all: irsbot report bags -o runs/fleet
     """
     found = bags_in(bags)
-    if len(found) == 1 and scheduler is None and pages.suffix != ".html":
+    if pages.suffix and len(found) > 1:
+        raise BadInput(f"cannot write '{pages}': {len(found)} bags need a folder, without a suffix")
+    if pages.suffix not in ("", ".html"):
         raise BadInput(f"cannot write '{pages}': the suffix must be .html")
+    if pages.suffix and scheduler is not None:
+        raise BadInput("--scheduler is for a folder of pages; one page is made here")
     try:
         from irsbot_supervisor.report.page import page, page_data  # nothing else needs a template
     except ImportError as error:
         raise BadInput(f"a page needs {error.name}: 'pip install jinja2'") from None
-    if len(found) == 1 and scheduler is None:
+    if pages.suffix:
         alone = judged_with_progress(found[0], robot, settings, None, namespace, topic, mechanism)
-        pages.write_text(page(page_data(alone)), encoding="utf-8")
+        write_whole(pages, page(page_data(alone)).encode())
         if as_json:
             print_json({"bag": found[0], "robot": alone.robot, "file": pages, "summary": alone.summary})
         else:
             out.print(f"written to {pages}")
         return
-    if pages.suffix:
-        raise BadInput(f"cannot write '{pages}': {len(found)} bags need a folder, without a suffix")
     options = fleet.options_of(robot, settings, namespace, topic, mechanism)
     rows = fleet.judged(found, options, cluster_of(scheduler, workers), pages, page=True)
     fleet.show(rows, pages, as_json)

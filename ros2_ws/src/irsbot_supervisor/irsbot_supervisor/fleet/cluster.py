@@ -9,7 +9,7 @@ import asyncio
 import logging
 import os
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from concurrent.futures import Future
 from contextlib import ExitStack, contextmanager, suppress
 from itertools import chain, islice
@@ -31,6 +31,9 @@ Map = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 
 ANSWER_S = 10.0
 """s until a scheduler must have answered, and one worker must be there."""
+
+LONELY = 3
+"""Waits of ANSWER_S for a result, one after another and all without a worker, after which a run is given up."""
 
 START_S = 60.0
 """s until the processes of this machine must have started."""
@@ -56,6 +59,12 @@ class Cluster(NamedTuple):
     def stated(self) -> bool:
         """True if somebody asked for it; else few jobs may as well be done without."""
         return self.scheduler is not None or self.workers is not None
+
+    def at_most(self, jobs: int) -> Cluster:
+        """The same with no more processes of this machine than jobs."""
+        if self.scheduler is not None:
+            return self
+        return self._replace(workers=min(self.workers or os.cpu_count() or 1, max(jobs, 1)))
 
 
 HERE = Cluster()
@@ -100,6 +109,7 @@ class Workers:
                     ready.add(future)
                 if not places:
                     return
+                self._await_one(ready.futures)
                 future = next(ready)
                 result = _result(future)
             yield Answer(places.pop(future.key), result)
@@ -112,6 +122,7 @@ class Workers:
                 line.extend(self._submit(function, job) for job in islice(left, self._room(len(line))))
                 if not line:
                     return
+                self._await_one([line[0]])
                 result = _result(line.popleft())
             yield result
 
@@ -130,8 +141,25 @@ class Workers:
     def _submit(self, function: Callable[[Any], Any], job: Any) -> Any:
         return self._client.submit(_called, (function, job, code_version()), pure=False)
 
+    def _await_one(self, futures: Collection[Any]) -> None:
+        """Wait until one is done. Raises BadInput if no worker is left to do it."""
+        from distributed import wait
+
+        lonely = 0
+        while lonely < LONELY:
+            try:
+                wait(list(futures), timeout=ANSWER_S, return_when="FIRST_COMPLETED")  # raises CancelledError
+                return
+            except TimeoutError:
+                lonely = 0 if self._threads() else lonely + 1
+        raise BadInput(f"the scheduler {self._address} has no workers any more; start some, and run the command again")
+
     def _count(self) -> int:
         """Number of jobs that are done at the same time; workers come and go."""
+        return max(self._threads(), 1)
+
+    def _threads(self) -> int:
+        """Number of threads of all workers."""
         from distributed.comm.core import CommClosedError
 
         if self._client.status != "running":
@@ -140,7 +168,7 @@ class Workers:
             threads: dict[str, int] = self._client.nthreads()
         except OSError:
             raise CommClosedError from None
-        return max(sum(threads.values()), 1)
+        return sum(threads.values())
 
     def _room(self, submitted: int) -> int:
         """Number of jobs that may be submitted besides those that are."""
@@ -254,7 +282,8 @@ def _connected(cluster: Cluster) -> Iterator[Client]:
         from distributed import Client, LocalCluster
     except ImportError as error:
         raise BadInput(f"many jobs need {error.name}: 'pip install distributed'") from None
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # we say ourselves what matters
+    for name in [name for name in logging.root.manager.loggerDict if name.partition(".")[0] == "distributed"]:
+        logging.getLogger(name).setLevel(logging.CRITICAL)  # we say ourselves what matters
     with ExitStack() as started:
         patience_s = START_S if cluster.scheduler is None else ANSWER_S
         with dask.config.set({CONNECT: f"{patience_s}s"}):
@@ -267,6 +296,7 @@ def _connected(cluster: Cluster) -> Iterator[Client]:
                     dashboard_address=None,
                     scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},  # its server of figures finds a free port
                     silence_logs=logging.CRITICAL,
+                    preload=["irsbot_supervisor.fleet.worker_process"],
                     loop=started.enter_context(_event_loop()),
                 )
                 client = started.enter_context(Client(started.enter_context(local), timeout=START_S))

@@ -6,11 +6,14 @@ The name of a file holds the key of what it was made from, so what is there is n
 from __future__ import annotations
 
 import hashlib
-import os
 from collections.abc import Iterable
 from pathlib import Path
 
+import yaml
+
 from irsbot_kinematics import BadInput
+from irsbot_kinematics.description.topologies import file_of
+from irsbot_supervisor.bag.whole_file import write_whole
 from irsbot_supervisor.fleet.version import code_version
 
 BLOCK = 1 << 20
@@ -32,9 +35,18 @@ def key_of(stated: str, files: Iterable[Path] = ()) -> str:
 
 
 def robot_files(robot: str) -> list[Path]:
-    """The files that decide what a robot is: none of a preset; else its file, and the Python files beside it."""
+    """The files that decide what a robot is: none of a preset; else its file, the Python file of its mechanism, and all
+    Python files beside one of the two."""
     file = Path(robot)
-    return [file, *sorted(file.parent.glob("*.py"))] if file.is_file() else []
+    if not file.is_file():
+        return []
+    try:
+        stated = yaml.safe_load(file.read_bytes())
+    except yaml.YAMLError:
+        stated = None  # it will be refused when it is read as a robot
+    mechanism = file_of(stated.get("mechanism"), file.parent) if isinstance(stated, dict) else None
+    folders = dict.fromkeys([file.parent, mechanism.parent if mechanism is not None else file.parent])
+    return [file, *(module for folder in folders for module in sorted(folder.glob("*.py")))]
 
 
 class ResultFolder:
@@ -55,12 +67,6 @@ class ResultFolder:
         """Write a file of the folder, with the folders above it."""
         if not self._mark.exists():
             self.path.mkdir(parents=True, exist_ok=True)
-            _write(self._mark, f"Written by irsbot: {self._text}\n".encode())
+            write_whole(self._mark, f"Written by irsbot: {self._text}\n".encode())
         file.parent.mkdir(parents=True, exist_ok=True)
-        _write(file, data)
-
-
-def _write(file: Path, data: bytes) -> None:
-    part = file.with_name(f"{file.name}.part")
-    part.write_bytes(data)
-    os.replace(part, file)
+        write_whole(file, data)

@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from irsbot_supervisor.fleet.folder import key_of
+from irsbot_supervisor.fleet.folder import key_of, robot_files
 
 SHOWN_FAULTS = 20
 """Differences per check that are kept in words; all are counted."""
@@ -167,7 +167,8 @@ def _files(bag: Path, options: Options) -> Iterator[Path]:
         yield from _regular([bag.with_name("expected.json")])
     if options.mechanisms is None:
         yield from _regular(bag.parent.glob("*.py"))
-    named = [options.robot, options.settings, *(options.mechanisms or ())]
+    yield from robot_files(options.robot) if options.robot else []
+    named = [options.settings, *(options.mechanisms or ())]
     yield from _regular(Path(name) for name in named if name)
 
 

@@ -38,7 +38,7 @@ def rows_of(
     rows = {place: row for place, job in enumerate(jobs) if (row := known(job)) is not None}
     waiting = [place for place in range(len(jobs)) if place not in rows]
     progress(len(rows), len(jobs))
-    for answer in run(function, (jobs[place] for place in waiting), cluster):
+    for answer in run(function, (jobs[place] for place in waiting), cluster.at_most(len(waiting))):
         place = waiting[answer.place]
         job, result = jobs[place], answer.result
         rows[place] = broken(job, result.text) if isinstance(result, JobFailed) else keep(job, result)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -11,7 +12,8 @@ from irsbot_supervisor.bag.foreign import SUFFIXES
 
 
 def bags_in(places: Sequence[Path]) -> list[Path]:
-    """Bags in the order given, those below a folder by name; each once. A folder with files of a bag is one bag.
+    """Bags in the order given, those below a folder by name; each once. A folder with the files of one bag is a bag; in
+    a folder with files of several bags each file is one.
 
     Raises BagError for a place that is not there, and for a folder without any bag.
     """
@@ -24,15 +26,22 @@ def bags_in(places: Sequence[Path]) -> list[Path]:
             raise BagError(f"'{place}' is no bag and holds none: there is no .mcap, .db3 or .bag file in it")
         for bag in here:
             found.setdefault(bag.resolve(), bag)
-    return list(found.values())
+    return [bag for place, bag in found.items() if bag.is_dir() or place.parent not in found]  # else a file of a bag
 
 
 def _below(folder: Path) -> list[Path]:
-    """The bag that a folder is, if it is one, and all bags below it."""
+    """The bag that a folder is, or the bags in it, and all bags below it."""
     entries = sorted(folder.iterdir())
-    itself = [folder] if any(_is_part(entry) for entry in entries) else []
+    parts = [entry for entry in entries if entry.is_file() and _is_part(entry)]
+    one = folder / METADATA in parts or len({_name(part) for part in parts}) == 1
+    itself = [folder] if one else parts
     return itself + [bag for entry in entries if entry.is_dir() for bag in _below(entry)]
 
 
 def _is_part(file: Path) -> bool:
     return file.name == METADATA or file.name.removesuffix(".zstd").endswith((".mcap", *SUFFIXES))
+
+
+def _name(part: Path) -> str:
+    """Name of the bag that a file belongs to: without number and suffixes."""
+    return re.sub(r"(_\d+)?(\.[a-z0-9]+)+$", "", part.name)

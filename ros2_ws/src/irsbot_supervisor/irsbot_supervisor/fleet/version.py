@@ -10,8 +10,8 @@ from pathlib import Path
 from irsbot_supervisor import __version__
 
 PACKAGES = ("irsbot_msgs_py", "irsbot_kinematics", "irsbot_supervisor")
-KINDS = (".py", ".yaml")
-"""Suffixes of files that decide what is judged: code, robots, settings."""
+KINDS = (".py", ".yaml", ".j2", ".css", ".js")
+"""Suffixes of files that decide what is judged and how a page shows it: code, robots, settings, templates."""
 
 
 @functools.cache

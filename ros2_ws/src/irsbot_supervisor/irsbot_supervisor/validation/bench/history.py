@@ -7,6 +7,7 @@ the code did.
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,8 +20,10 @@ Facts = Mapping[str, Any]
 
 def append(file: Path, facts: Facts) -> None:
     """Add a benchmark at the end of a file, new or not. Raises OSError."""
-    with file.open("a", encoding="utf-8") as opened:
-        opened.write(json.dumps(facts, allow_nan=False) + "\n")
+    with file.open("a+b") as opened:
+        opened.seek(max(opened.seek(0, os.SEEK_END) - 1, 0))
+        begin = "" if opened.read(1) in (b"", b"\n") else "\n"  # somebody's editor may have dropped the last one
+        opened.write(f"{begin}{json.dumps(facts, allow_nan=False)}\n".encode())
 
 
 def read(file: Path) -> list[Facts]:
@@ -28,10 +31,10 @@ def read(file: Path) -> list[Facts]:
     if not file.exists():
         return []
     found = []
-    for number, line in enumerate(file.read_text(encoding="utf-8").splitlines(), 1):
+    for number, line in enumerate(file.read_bytes().splitlines(), 1):
         try:
             facts = json.loads(line)
-            if not all(isinstance(goal["limit"], int | float) for goal in facts["goals"]) or "version" not in facts:
+            if not _is_benchmark(facts):
                 raise ValueError
         except (ValueError, TypeError, KeyError):
             raise BadInput(f"{file}, line {number} is no benchmark: it must be a file of --history") from None
@@ -42,19 +45,20 @@ def read(file: Path) -> list[Facts]:
 def ratios(history: Sequence[Facts]) -> dict[str, list[float | None]]:
     """By goal: per benchmark, how many times the measured value is worse than the goal; 1 or less: met. None: not
     measured, or the goal is 0."""
-    names = dict.fromkeys(_name(goal) for facts in history for goal in facts["goals"] if goal["limit"])
+    names = dict.fromkeys(_name(goal, facts) for facts in history for goal in facts["goals"] if goal["limit"])
     rows: dict[str, list[float | None]] = {name: [] for name in names}
     for facts in history:
-        stated = {_name(goal): _ratio(goal) for goal in facts["goals"]}
+        stated = {_name(goal, facts): _ratio(goal) for goal in facts["goals"]}
         for name in names:
             rows[name].append(stated.get(name))
     return rows
 
 
 def write_page(history: Sequence[Facts], target: Path) -> None:
-    """A self-contained page with a line per goal over all benchmarks."""
+    """A self-contained page with a line per goal over all benchmarks, less the quick ones, which are too short."""
     import plotly.graph_objects as go
 
+    history = [facts for facts in history if not facts.get("quick")]
     places = [f"{number}: {facts['version']}" for number, facts in enumerate(history, 1)]
     figure = go.Figure()
     for name, values in ratios(history).items():
@@ -69,8 +73,21 @@ def write_page(history: Sequence[Facts], target: Path) -> None:
     figure.write_html(target, include_plotlyjs=True)
 
 
-def _name(goal: Mapping[str, Any]) -> str:
-    return f"{goal['goal']} {goal['what']}"
+def _is_benchmark(facts: Facts) -> bool:
+    """True if it has what `ratios` and the page need. Raises KeyError, TypeError if not."""
+    numbers = all(isinstance(goal["limit"], int | float) for goal in facts["goals"])
+    measured = all(isinstance(goal["measured"], int | float | None) for goal in facts["goals"])
+    words = all(isinstance(goal[name], str) for goal in facts["goals"] for name in ("goal", "what"))
+    return numbers and measured and words and all("at_least" in goal for goal in facts["goals"]) and "version" in facts
+
+
+def _name(goal: Mapping[str, Any], facts: Facts) -> str:
+    """The goal, and whether compiled or plain modules were measured: each is compared with its like."""
+    name = f"{goal['goal']} {goal['what']}"
+    if (compiled := facts.get("compiled")) is None:
+        return name  # of an older version
+    form = "compiled" if compiled else "plain"
+    return name if name.endswith(form) else f"{name}, {form}"
 
 
 def _ratio(goal: Mapping[str, Any]) -> float | None:
