@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from command import irsbot
 
 from irsbot_supervisor.cli.bench import bench
 from irsbot_supervisor.fleet.version import code_version
@@ -217,15 +218,46 @@ def test_the_page_of_the_command_shows_earlier_results_and_its_own(
     assert f"2: {code_version()}" in text
 
 
-@pytest.mark.parametrize("line", ["no json", "[]", "{}", '{"version": "a", "goals": [{"limit": "x"}]}'])
+def test_a_history_that_lost_its_last_line_end_goes_on(tmp_path: Path) -> None:
+    file = tmp_path / "bench.jsonl"
+    file.write_text(json.dumps(facts_with("a", 20.0)))
+    history.append(file, facts_with("b", 5.0))
+    assert [facts["version"] for facts in history.read(file)] == ["a", "b"]
+
+
+def test_compiled_and_plain_runs_are_compared_with_their_like_and_quick_ones_are_not_drawn(tmp_path: Path) -> None:
+    kept = [{**facts_with("a", 20.0), "compiled": form} for form in (True, False)]
+    assert history.ratios(kept) == {"P4 one step, compiled": [2.0, None], "P4 one step, plain": [None, 2.0]}
+    history.write_page([*kept, {**facts_with("hasty", 5.0), "quick": True}], tmp_path / "page.html")
+    assert "hasty" not in (tmp_path / "page.html").read_text()
+
+
+@pytest.mark.parametrize("option", ["--history", "--page"])
+def test_a_folder_that_is_not_there_is_told_before_the_work_begins(tmp_path: Path, option: str) -> None:
+    files = {"--history": tmp_path / "a.jsonl", "--page": tmp_path / "a.html"}
+    files[option] = tmp_path / "gone" / files[option].name
+    done = irsbot("bench", "--only", "batch", *(word for pair in files.items() for word in pair))
+    assert done.code == 2
+    assert f"there is no folder '{tmp_path / 'gone'}'" in done.refusal
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        *("no json", "[]", "{}", "\udcff", '{"version": "a", "goals": [{"limit": "x"}]}'),
+        '{"version": "a", "goals": [{"limit": 1}]}',
+    ],
+)
 def test_a_file_that_is_no_history_is_left_alone(tmp_path: Path, line: str) -> None:
     file = tmp_path / "other.txt"
-    file.write_text(f"{line}\n")
+    text = f"{line}\n".encode(errors="surrogateescape")
+    file.write_bytes(text)
     command = [sys.executable, "-m", "irsbot_supervisor", "bench", "--quick", "--only", "batch", "--history", str(file)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
     assert done.returncode == 2
     assert done.stderr == f"irsbot: {file}, line 1 is no benchmark: it must be a file of --history\n"
-    assert file.read_text() == f"{line}\n"
+    assert file.read_bytes() == text
 
 
 # --- the command --------------------------------------------------------------------------------------------------

@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from operator import neg
+from time import sleep
 
 import pytest
-from dask_processes import dask_cluster, kill_worker
+from dask_processes import dask_cluster, kill_family, kill_worker
 
 from irsbot_kinematics import BadInput
+from irsbot_supervisor.fleet import cluster as fleet_cluster
 from irsbot_supervisor.fleet.cluster import AHEAD, Cluster, JobFailed, Workers, mapping, run, workers_of
 
 MANY = 10**8
@@ -95,6 +97,25 @@ def test_results_in_order_end_with_one_sentence_where_the_scheduler_goes_away() 
         scheduler.kill()
         with pytest.raises(BadInput, match=f"{address} went away"):
             list(results)
+
+
+def test_a_run_without_any_worker_left_ends_with_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fleet_cluster, "ANSWER_S", 5.0)
+    with dask_cluster() as (address, _scheduler, nanny), workers_of(Cluster(address)) as workers:
+        monkeypatch.setattr(fleet_cluster, "ANSWER_S", 0.2)
+        answers, results = workers.answers(sleep, [0.0, 300.0]), workers.in_order(sleep, [0.0, 300.0])
+        assert next(answers).place == 0
+        kill_family(nanny)
+        for left in (answers, results):
+            with pytest.raises(BadInput, match=f"{address} has no workers any more"):
+                list(left)
+
+
+def test_there_are_no_more_processes_than_jobs() -> None:
+    assert Cluster(workers=8).at_most(2) == Cluster(workers=2)
+    assert Cluster(workers=2).at_most(8) == Cluster(workers=2)
+    assert Cluster().at_most(1) == Cluster(workers=1)
+    assert Cluster("tcp://host:1").at_most(1) == Cluster("tcp://host:1")
 
 
 def test_a_thread_that_starts_late_stops_no_cluster(monkeypatch: pytest.MonkeyPatch) -> None:

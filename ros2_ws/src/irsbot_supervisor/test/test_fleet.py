@@ -16,6 +16,7 @@ from dask_processes import dask_cluster, kill_worker, once
 
 from irsbot_kinematics import BadInput
 from irsbot_supervisor.bag.errors import BagError
+from irsbot_supervisor.cli.common import without_shared_folder
 from irsbot_supervisor.fleet import cluster as fleet_cluster
 from irsbot_supervisor.fleet.bags import judge_fleet
 from irsbot_supervisor.fleet.cluster import Cluster, JobFailed, run
@@ -62,10 +63,21 @@ def test_folders_are_searched_and_every_bag_is_taken_once(tmp_path: Path) -> Non
     assert bags_in([BAGS / "type2"]) == [BAGS / "type2"]
     shutil.copy(single, nested)
     assert bags_in([nested]) == [nested, nested / "a" / "deep", nested / "b"], "none is hidden by a file beside it"
+    assert bags_in([nested / "b", nested / "b" / "type2_0.mcap"]) == [nested / "b"], "a file of a bag is no second one"
     with pytest.raises(BagError, match="holds none"):
         bags_in([tmp_path / "empty"])
     with pytest.raises(BagError, match="'nowhere' does not exist"):
         bags_in([Path("nowhere")])
+
+
+def test_separate_bags_in_one_folder_stay_apart_and_parts_of_one_stay_together(tmp_path: Path) -> None:
+    for name in ("a_0.mcap", "a_1.mcap"):
+        (tmp_path / name).write_bytes(b"")
+    assert bags_in([tmp_path]) == [tmp_path]
+    (tmp_path / "b_0.mcap").write_bytes(b"")
+    assert bags_in([tmp_path]) == [tmp_path / name for name in ("a_0.mcap", "a_1.mcap", "b_0.mcap")]
+    (tmp_path / "metadata.yaml").write_text("")
+    assert bags_in([tmp_path]) == [tmp_path], "which says that they are one"
 
 
 # --- what a row says -------------------------------------------------------------------------------------------------
@@ -115,6 +127,24 @@ def test_the_key_changes_with_everything_that_the_result_depends_on(tmp_path: Pa
         file.write(b"\0")
     keys.append(job_of(bag).key)
     assert len(set(keys)) == 5
+
+
+def test_the_key_changes_with_the_file_of_the_mechanism_wherever_it_is(tmp_path: Path) -> None:
+    robots, mechanisms = tmp_path / "robots", tmp_path / "mechanisms"
+    robots.mkdir()
+    mechanisms.mkdir()
+    robot, mechanism = robots / "mine.yaml", mechanisms / "mine.py"
+    robot.write_text("mechanism: ../mechanisms/mine.py:Mine\n")
+    mechanism.write_text("LENGTH = 1.0\n")
+    job = replace(job_of(BAGS / "type2"), options=Options(robot=str(robot)))
+    before = replace(job).key
+    assert before == replace(job).key
+    mechanism.write_text("LENGTH = 1.1\n")
+    changed = replace(job).key
+    (mechanisms / "used.py").write_text("WIDTH = 1.0\n")
+    assert len({before, changed, replace(job).key}) == 3
+    robot.write_text(": no YAML [")
+    assert replace(job).key not in (before, changed)
 
 
 # --- what is kept ----------------------------------------------------------------------------------------------------
@@ -258,6 +288,15 @@ def test_report_of_many_bags_writes_a_page_each_and_one_of_all(folder: Path, tmp
     assert len(links) == 2
     assert all("<title>" in (kept / link).read_text() for link in links)
     assert "differs" in page
+    done = irsbot("report", folder / "good", "-o", tmp_path / "alone", "--workers", 1)
+    assert done.code == 0, done.err
+    assert len(re.findall(r'href="([^"]+)"', (tmp_path / "alone" / "fleet.html").read_text())) == 1
+
+
+def test_names_of_bags_are_shown_below_the_folder_that_they_share() -> None:
+    assert without_shared_folder(["a/b/c", "a/d"]) == ("a", ["b/c", "d"])
+    assert without_shared_folder(["c", "d"]) == ("", ["c", "d"])
+    assert without_shared_folder(["a/c", "/b/d"]) == ("", ["a/c", "/b/d"]), "none is shared by the two kinds"
 
 
 def test_options_that_do_not_go_together_are_refused(tmp_path: Path) -> None:
@@ -266,6 +305,8 @@ def test_options_that_do_not_go_together_are_refused(tmp_path: Path) -> None:
         (("replay", *many, "--expect", BAGS / "type2" / "expected.json"), "are for one bag"),
         (("replay", *many, "--scheduler", "tcp://a:1", "--workers", 2), "--workers is for this machine"),
         (("report", *many, "-o", tmp_path / "x.html"), "need a folder"),
+        (("report", many[0], "-o", tmp_path / "x.html", "--scheduler", "tcp://a:1"), "for a folder of pages"),
+        (("evaluate", "irsbot2", many[0], "-o", tmp_path / "x.csv", "--scheduler", "tcp://a:1"), "folder of tables"),
     ):
         done = irsbot(*words)
         assert done.code == 2

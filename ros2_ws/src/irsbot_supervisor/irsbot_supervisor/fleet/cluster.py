@@ -148,9 +148,10 @@ class Workers:
         lonely = 0
         while lonely < LONELY:
             try:
-                wait(list(futures), timeout=ANSWER_S, return_when="FIRST_COMPLETED")  # raises CancelledError
+                with self._client.as_current():  # there may be others
+                    wait(list(futures), timeout=ANSWER_S, return_when="FIRST_COMPLETED")  # raises CancelledError
                 return
-            except TimeoutError:
+            except (TimeoutError, asyncio.TimeoutError):  # which are one from Python 3.11 on
                 lonely = 0 if self._threads() else lonely + 1
         raise BadInput(f"the scheduler {self._address} has no workers any more; start some, and run the command again")
 

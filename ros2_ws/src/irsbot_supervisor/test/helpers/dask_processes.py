@@ -50,6 +50,12 @@ def once(act: Callable[[], None], when: int) -> Callable[[int, int], None]:
     return lambda done, _total: left.pop()() if done >= when and left else None
 
 
+def kill_family(nanny: subprocess.Popen[str]) -> None:
+    """End a nanny and its worker, so that nobody starts another one."""
+    for one in (psutil.Process(nanny.pid), *psutil.Process(nanny.pid).children(recursive=True)):
+        one.send_signal(signal.SIGKILL)
+
+
 def kill_worker(nanny: subprocess.Popen[str]) -> None:
     """End the worker process of a nanny as a lack of memory does."""
     (worker,) = [
