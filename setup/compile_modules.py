@@ -116,7 +116,7 @@ def sources_of(source: Path) -> list[str]:
 
 def folder_name(source: Path, sources: Sequence[str]) -> str:
     """Name of the folder of compiled forms: digest of the sources, then of the modules that compile them."""
-    files = {name: source / name.partition(".")[0] / Path(*name.split(".")) for name in sources}
+    files = {name: place_of(source / name.partition(".")[0], name) for name in sources}
     # the same digest as there; that package itself imports numpy and more
     digest = module_of(source / "irsbot_kinematics" / "irsbot_kinematics" / "compiled.py").digest_of(files)
     tools = hashlib.sha256(b"".join(Path(__file__).with_name(name).read_bytes() for name in TOOLS))

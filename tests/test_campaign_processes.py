@@ -44,6 +44,8 @@ def test_the_newest_wins_in_a_flood_and_memory_is_bounded(monkeypatch: pytest.Mo
     growth = {name: value for name, value in row.figures.items() if "memory" in name}
     assert len(growth) == 3
     assert max(growth.values()) < floods.GROWTH_MB
+    backlog_ms = 1e3 * floods.SETTLE_S  # in the order of arrival, samples would be as late as the flood is old
+    assert row.figures["20000 Hz: age [ms]"] < 0.5 * backlog_ms
     assert 0.0 < row.figures["20000 Hz: judged [Hz]"] <= rate_hz * 1.1  # as many as this machine can, none twice
 
 

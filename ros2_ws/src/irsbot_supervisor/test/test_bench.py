@@ -232,6 +232,19 @@ def test_compiled_and_plain_runs_are_compared_with_their_like_and_quick_ones_are
     assert "hasty" not in (tmp_path / "page.html").read_text()
 
 
+def test_what_was_measured_is_printed_also_if_it_cannot_be_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def full(file: Path, facts: history.Facts) -> None:
+        raise OSError("no space left")
+
+    monkeypatch.setattr("irsbot_supervisor.cli.bench._measure", lambda parts, quick: Measured(startup=[START]))
+    monkeypatch.setattr("irsbot_supervisor.cli.bench.append", full)
+    with pytest.raises(OSError, match="no space"):
+        bench(history=tmp_path / "bench.jsonl")
+    assert "start-up" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize("option", ["--history", "--page"])
 def test_a_folder_that_is_not_there_is_told_before_the_work_begins(tmp_path: Path, option: str) -> None:
     files = {"--history": tmp_path / "a.jsonl", "--page": tmp_path / "a.html"}

@@ -118,4 +118,7 @@ def test_the_command_takes_tables_and_bags_in_both_ways(jobs: list[InputJob], tm
         refused = irsbot("evaluate", "irsbot2", *more)
         assert refused.code == 2
         assert why in refused.refusal
+    done = irsbot("evaluate", "irsbot2", inputs[NUMBER], inputs[NUMBER], "-o", tmp_path / "none", "--workers", 1)
+    assert done.code == 2
+    assert "written to" not in done.out, "nothing was"
     assert [file.name for file in tmp_path.iterdir()] == ["kept"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import re
 import shutil
@@ -15,9 +16,11 @@ from command import irsbot
 from dask_processes import dask_cluster, kill_worker, once
 
 from irsbot_kinematics import BadInput
+from irsbot_supervisor import report
 from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.cli.common import without_shared_folder
 from irsbot_supervisor.fleet import cluster as fleet_cluster
+from irsbot_supervisor.fleet import version
 from irsbot_supervisor.fleet.bags import judge_fleet
 from irsbot_supervisor.fleet.cluster import Cluster, JobFailed, run
 from irsbot_supervisor.fleet.dataset import Dataset
@@ -70,14 +73,26 @@ def test_folders_are_searched_and_every_bag_is_taken_once(tmp_path: Path) -> Non
         bags_in([Path("nowhere")])
 
 
-def test_separate_bags_in_one_folder_stay_apart_and_parts_of_one_stay_together(tmp_path: Path) -> None:
-    for name in ("a_0.mcap", "a_1.mcap"):
-        (tmp_path / name).write_bytes(b"")
-    assert bags_in([tmp_path]) == [tmp_path]
-    (tmp_path / "b_0.mcap").write_bytes(b"")
-    assert bags_in([tmp_path]) == [tmp_path / name for name in ("a_0.mcap", "a_1.mcap", "b_0.mcap")]
-    (tmp_path / "metadata.yaml").write_text("")
-    assert bags_in([tmp_path]) == [tmp_path], "which says that they are one"
+@pytest.mark.parametrize(
+    ("names", "one"),
+    [
+        (("a.mcap",), True),
+        (("a_0.mcap", "a_1.mcap"), True),
+        (("a_9.mcap", "a_10.mcap.zstd"), True),
+        (("a_0.mcap", "b_0.mcap"), False),
+        (("a_0.mcap", "a_2.mcap"), False),
+        (("a.2.mcap", "a.3.mcap"), False),
+        (("irsbot_20261125_101500.mcap", "irsbot_20261125_111500.mcap"), False),
+        (("a_0.mcap", "b_0.mcap", "metadata.yaml"), True),
+    ],
+)
+def test_separate_bags_in_one_folder_stay_apart_and_parts_of_one_stay_together(
+    tmp_path: Path, names: tuple[str, ...], one: bool
+) -> None:
+    files = [tmp_path / name for name in names]
+    for file in files:
+        file.write_bytes(b"")
+    assert bags_in([tmp_path]) == ([tmp_path] if one else files)
 
 
 # --- what a row says -------------------------------------------------------------------------------------------------
@@ -239,6 +254,18 @@ def test_a_job_that_fails_fails_alone() -> None:
     assert found[0] == 7
     assert isinstance(found[1], JobFailed)
     assert "ValueError: invalid literal" in found[1].text
+
+
+def test_ctrl_c_is_for_the_command_and_dask_says_nothing_besides() -> None:
+    ask = "__import__('signal').getsignal(__import__('signal').SIGINT).name"
+    assert [answer.result for answer in run(eval, [ask], Cluster(workers=1))] == ["SIG_IGN"]
+    assert not logging.getLogger("distributed.client").isEnabledFor(logging.ERROR)
+
+
+def test_a_change_in_the_look_of_a_page_is_another_version() -> None:
+    pages = [file for file in (Path(report.__file__).parent / "page").iterdir() if file.is_file()]
+    assert len(pages) > 3
+    assert {file.suffix for file in pages} <= set(version.KINDS)
 
 
 @pytest.mark.slow

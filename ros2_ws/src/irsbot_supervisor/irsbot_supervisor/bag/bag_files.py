@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path, PurePath
 
 import yaml
@@ -34,16 +35,25 @@ def files_of(source: Path) -> list[Path]:
         paths = [source / PurePath(name).name for name in stated["relative_file_paths"]]
     except (OSError, yaml.YAMLError, KeyError, TypeError, AttributeError, UnicodeDecodeError):
         paths = []  # a recorder that was killed left none
-    if found := paths or sorted((file for file in source.iterdir() if _is_part(file)), key=_number):
+    if found := paths or sorted(filter(is_part, source.iterdir()), key=lambda file: (_numbered(file)[1], file.name)):
         return found
     raise BagError(f"'{source}' is no bag: it holds no .mcap or .db3 file")
 
 
-def _is_part(file: Path) -> bool:
+def is_part(file: Path) -> bool:
+    """True if a file has the suffix of a bag's."""
     return file.name.removesuffix(".zstd").endswith((".mcap", *SUFFIXES))
 
 
-def _number(file: Path) -> tuple[int, str]:
-    """Sort key: file 10 of a split bag comes after file 9."""
-    number = re.search(r"_(\d+)\.", file.name)
-    return int(number[1]) if number else 0, file.name
+def are_one_bag(files: Sequence[Path]) -> bool:
+    """True if the names of files, at least one, differ only in numbers that follow each other, as those of a split bag
+    do. A date and a time are no such numbers."""
+    names, numbers = zip(*map(_numbered, files), strict=True)
+    return len(set(names)) == 1 and sorted(numbers) == list(range(min(numbers), min(numbers) + len(files)))
+
+
+def _numbered(file: Path) -> tuple[str, int]:
+    """Name of the bag that a file belongs to, and the number of the file: 0 if it has none."""
+    stem = Path(file.name.removesuffix(".zstd")).stem
+    found = re.fullmatch(r"(.*)_(\d+)", stem)
+    return (found[1], int(found[2])) if found else (stem, 0)

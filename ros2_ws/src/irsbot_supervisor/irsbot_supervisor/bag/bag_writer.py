@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
@@ -15,6 +14,7 @@ from irsbot_supervisor.bag.entries import ENCODERS, LATCHED, Record
 from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.bag.mcap_writer import McapWriter
 from irsbot_supervisor.bag.topics import Topic, installed_topic
+from irsbot_supervisor.bag.whole_file import write_whole
 
 
 class BagWriter:
@@ -69,10 +69,8 @@ class BagWriter:
         self.file.close()
         if self._folder is not None:
             text = yaml.safe_dump({"rosbag2_bagfile_information": self._information()}, sort_keys=False)
-            part = self._folder / f"{METADATA}.part"
             try:
-                part.write_text(text)
-                os.replace(part, self._folder / METADATA)
+                write_whole(self._folder / METADATA, text.encode())
             except OSError as error:
                 raise BagError(f"cannot write '{self._folder / METADATA}': {error.strerror}") from None
 

@@ -1,10 +1,9 @@
-"""Tables of samples: joint columns from CSV or a bag, columns to CSV or Parquet."""
+"""Tables of samples: joint columns from CSV or a bag."""
 
 from __future__ import annotations
 
 from collections import defaultdict
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import polars as pl
@@ -15,7 +14,6 @@ from irsbot_msgs_py.records import JointSample
 from irsbot_supervisor.bag.bag import Bag
 from irsbot_supervisor.bag.bag_files import is_bag
 from irsbot_supervisor.bag.column_reader import Columns
-from irsbot_supervisor.bag.column_stream import write_chunks
 from irsbot_supervisor.bag.joint_columns import JointColumns, JointSamples, columns_of
 from irsbot_supervisor.bag.topics import choose_joint_topic
 
@@ -109,11 +107,6 @@ def _finite(path: Path, names: list[str], values: Array) -> Array:
 def _cell(row: int, column: str) -> str:
     """A place in a table: row and column as a reader counts them."""
     return f"row {row + 1} below the header, column '{column}'"
-
-
-def write_columns(path: Path, columns: dict[str, Any]) -> None:
-    """One column per entry, as CSV or Parquet by the suffix. Raises BadInput for another suffix, OSError."""
-    write_chunks(path, [columns])
 
 
 def _from_bag(path: Path, names: list[str], wanted: str | None) -> tuple[Array, Array]:

@@ -68,7 +68,7 @@ def bench(
     with Others() as others:
         measured = _measure(set(only or Part), quick)
     rows = report.rows(measured)
-    facts = {"quick": quick, **_facts(measured, rows, others)}
+    facts = _facts(measured, rows, others, quick)
     if as_json:
         print_json(facts)
     else:
@@ -170,11 +170,12 @@ def _tables(measured: Measured) -> list[Table]:
     return tables
 
 
-def _facts(measured: Measured, rows: list[Row], others: Others) -> dict[str, object]:
+def _facts(measured: Measured, rows: list[Row], others: Others, quick: bool) -> dict[str, object]:
     return {
         "version": code_version(),
         "time": datetime.now(timezone.utc).isoformat(timespec="seconds"),
         "compiled": are_used(),
+        "quick": quick,
         "other_processes_cores": others.cores,
         "machine": {"python": platform.python_version(), "processors": os.cpu_count(), "system": platform.platform()},
         "goals": [{**row._asdict(), "met": row.met} for row in rows],

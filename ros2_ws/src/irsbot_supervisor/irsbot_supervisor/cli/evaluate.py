@@ -49,7 +49,7 @@ def evaluate(
 
     Several inputs give a Parquet file each: irsbot evaluate irsbot2 bags/*/ -o runs/margins
     """
-    from irsbot_supervisor.bag.columns import write_columns  # polars takes its time to load
+    from irsbot_supervisor.bag.column_stream import write_chunks  # polars takes its time to load
     from irsbot_supervisor.fleet.evaluating import InputJob, Question, evaluate_inputs, evaluated_columns
 
     cluster = cluster_of(scheduler, workers)
@@ -65,7 +65,7 @@ def evaluate(
         row, columns = evaluated_columns(InputJob(jobs[0].name, jobs[0].name, question))
         for warning in row.warnings:
             err.print(f"irsbot: {warning}")
-        write_columns(dataset, columns)
+        write_chunks(dataset, [columns])
         if as_json:
             print_json({"samples": row.samples, "assembled": row.assembled, "file": dataset})
         else:

@@ -60,11 +60,16 @@ class Cluster(NamedTuple):
         """True if somebody asked for it; else few jobs may as well be done without."""
         return self.scheduler is not None or self.workers is not None
 
+    @property
+    def processes(self) -> int:
+        """How many processes of this machine are meant."""
+        return self.workers or os.cpu_count() or 1
+
     def at_most(self, jobs: int) -> Cluster:
         """The same with no more processes of this machine than jobs."""
         if self.scheduler is not None:
             return self
-        return self._replace(workers=min(self.workers or os.cpu_count() or 1, max(jobs, 1)))
+        return self._replace(workers=min(self.processes, max(jobs, 1)))
 
 
 HERE = Cluster()
@@ -259,10 +264,9 @@ def _each(share: tuple[Callable[[Any], Any], list[Any]]) -> list[Any]:
 
 
 def _result(future: Any) -> Any:
-    """The result of a job, awaited, or why there is none."""
-    from distributed import KilledWorker, wait
+    """The result of a job that is done, or why there is none. Raises CancelledError."""
+    from distributed import KilledWorker
 
-    wait([future])  # raises CancelledError
     error = future.exception() if future.status == "error" else None
     if error is None:
         result = future.result()
@@ -292,7 +296,7 @@ def _connected(cluster: Cluster) -> Iterator[Client]:
                 client = started.enter_context(_client_of(cluster.scheduler))
             else:
                 local = LocalCluster(
-                    n_workers=cluster.workers or os.cpu_count() or 1,
+                    n_workers=cluster.processes,
                     threads_per_worker=1,
                     dashboard_address=None,
                     scheduler_kwargs={"dashboard_address": "127.0.0.1:0"},  # its server of figures finds a free port

@@ -45,7 +45,7 @@ def robot_files(robot: str) -> list[Path]:
     except yaml.YAMLError:
         stated = None  # it will be refused when it is read as a robot
     mechanism = file_of(stated.get("mechanism"), file.parent) if isinstance(stated, dict) else None
-    folders = dict.fromkeys([file.parent, mechanism.parent if mechanism is not None else file.parent])
+    folders = dict.fromkeys(place.parent for place in (file, mechanism) if place is not None)
     return [file, *(module for folder in folders for module in sorted(folder.glob("*.py")))]
 
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from irsbot_supervisor.bag.bag_files import METADATA
+from irsbot_supervisor.bag.bag_files import METADATA, are_one_bag, is_part
 from irsbot_supervisor.bag.errors import BagError
-from irsbot_supervisor.bag.foreign import SUFFIXES
 
 
 def bags_in(places: Sequence[Path]) -> list[Path]:
@@ -32,16 +30,7 @@ def bags_in(places: Sequence[Path]) -> list[Path]:
 def _below(folder: Path) -> list[Path]:
     """The bag that a folder is, or the bags in it, and all bags below it."""
     entries = sorted(folder.iterdir())
-    parts = [entry for entry in entries if entry.is_file() and _is_part(entry)]
-    one = folder / METADATA in parts or len({_name(part) for part in parts}) == 1
+    parts = [entry for entry in entries if entry.is_file() and is_part(entry)]
+    one = folder / METADATA in entries or (parts and are_one_bag(parts))
     itself = [folder] if one else parts
     return itself + [bag for entry in entries if entry.is_dir() for bag in _below(entry)]
-
-
-def _is_part(file: Path) -> bool:
-    return file.name == METADATA or file.name.removesuffix(".zstd").endswith((".mcap", *SUFFIXES))
-
-
-def _name(part: Path) -> str:
-    """Name of the bag that a file belongs to: without number and suffixes."""
-    return re.sub(r"(_\d+)?(\.[a-z0-9]+)+$", "", part.name)

@@ -75,10 +75,14 @@ def write_page(history: Sequence[Facts], target: Path) -> None:
 
 def _is_benchmark(facts: Facts) -> bool:
     """True if it has what `ratios` and the page need. Raises KeyError, TypeError if not."""
-    numbers = all(isinstance(goal["limit"], int | float) for goal in facts["goals"])
-    measured = all(isinstance(goal["measured"], int | float | None) for goal in facts["goals"])
-    words = all(isinstance(goal[name], str) for goal in facts["goals"] for name in ("goal", "what"))
-    return numbers and measured and words and all("at_least" in goal for goal in facts["goals"]) and "version" in facts
+    return "version" in facts and all(
+        isinstance(goal["goal"], str)
+        and isinstance(goal["what"], str)
+        and isinstance(goal["limit"], int | float)
+        and isinstance(goal["measured"], int | float | None)
+        and "at_least" in goal
+        for goal in facts["goals"]
+    )
 
 
 def _name(goal: Mapping[str, Any], facts: Facts) -> str:
