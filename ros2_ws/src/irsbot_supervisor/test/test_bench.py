@@ -260,6 +260,8 @@ def test_a_folder_that_is_not_there_is_told_before_the_work_begins(tmp_path: Pat
     [
         *("no json", "[]", "{}", "\udcff", '{"version": "a", "goals": [{"limit": "x"}]}'),
         '{"version": "a", "goals": [{"limit": 1}]}',
+        '{"version": "a", "goals": [{"goal": "P4", "what": "x", "limit": 1, "at_least": false, "measured": "x"}]}',
+        '{"version": "a", "goals": [{"goal": "P4", "what": "x", "limit": 1, "measured": 2}]}',
     ],
 )
 def test_a_file_that_is_no_history_is_left_alone(tmp_path: Path, line: str) -> None:
