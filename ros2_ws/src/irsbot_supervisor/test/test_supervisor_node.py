@@ -14,7 +14,7 @@ import pytest
 pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
 from builtin_interfaces.msg import Time
-from cell import GOOD, NAMES, NEAR, Cell, Wire, bad, check, going, resting, sample
+from cell import GOOD, HIGH, NAMES, STRICT, Cell, Wire, bad, check, going, resting, sample
 from irsbot_msgs.msg import Verdict as VerdictMessage
 from lifecycle_msgs.msg import Transition
 from rclpy.duration import Duration
@@ -115,14 +115,14 @@ def test_before_the_first_sample_nothing_is_known(wire: Wire):
 
 
 def test_three_robots_side_by_side_are_each_judged_for_themselves(wire: Wire):
-    cells = [Cell(wire, f"robot_{number}") for number in (1, 2, 3)]
-    cells[1].say = resting(NEAR)
+    cells = [Cell(wire, f"robot_{number}", **STRICT) for number in (1, 2, 3)]
+    cells[1].say = resting(HIGH)
     cells[2].say = lambda t: bad(t, position=(math.nan, math.nan))
     wire.until(lambda: all(cell.states for cell in cells))
     cells[0].heard_level(Level.OK)
-    near = cells[1].heard(lambda v: v.latched and bool(v.causes & Cause.TYPE2))[-1]
+    near = cells[1].heard(lambda v: v.latched and bool(v.causes & Cause.TYPE1))[-1]
     unknown = cells[2].heard(lambda v: bool(v.causes & Cause.NONFINITE))[-1]
-    assert near.level >= Level.STOP  # UNKNOWN if a late sample has lost the branch
+    assert near.level >= Level.STOP  # UNKNOWN while a sample is late
     assert unknown.level == Level.UNKNOWN
     assert not any(verdict.level == Level.OK for cell in cells[1:] for verdict in cell.verdicts)
     assert not any(verdict.latched for cell in (cells[0], cells[2]) for verdict in cell.verdicts)

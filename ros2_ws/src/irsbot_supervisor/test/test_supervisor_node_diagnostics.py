@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
-from cell import LAZY, NEAR, PERIOD_S, Cell, Statuses, Wire, bad, resting, statuses_of
+from cell import HIGH, PERIOD_S, STRICT, Cell, Statuses, Wire, bad, resting, statuses_of
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from irsbot_msgs.msg import Verdict as VerdictMessage
 from rclpy.duration import Duration
@@ -72,12 +72,12 @@ def test_diagnostics_have_the_figures_as_values(cell: Cell):
 
 
 def test_diagnostics_of_a_latched_stop_say_so(wire: Wire):
-    cell = Cell(wire, **LAZY)
+    cell = Cell(wire, **STRICT)
     heard = statuses_of(cell)
-    cell.say = resting(NEAR)
+    cell.say = resting(HIGH)
     cell.wire.until(lambda: heard and heard[-1]["supervisor"][0] == b"\x02")
     assert heard[-1]["supervisor"][1].startswith("a stop is latched, event 1: ")
-    assert "Type 1 margin 0.1215, limit 0.1500" in heard[-1]["supervisor"][1]
+    assert "Type 1 margin 0.6669, limit 0.7000" in heard[-1]["supervisor"][1]
     assert heard[-1]["margins"][0] == b"\x02"
 
 

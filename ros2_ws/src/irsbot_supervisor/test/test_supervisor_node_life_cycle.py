@@ -12,7 +12,7 @@ import pytest
 
 pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
-from cell import GOOD, LAZY, NEAR, PATIENCE_S, Cell, Wire, check, going, resting, silent
+from cell import GOOD, HIGH, PATIENCE_S, STRICT, Cell, Wire, check, going, resting, silent
 from lifecycle_msgs.msg import Transition
 from rclpy.utilities import get_rmw_implementation_identifier
 
@@ -59,10 +59,10 @@ def test_only_an_active_supervisor_publishes_and_every_activation_begins_with_un
 
 
 def test_a_latched_stop_and_its_number_outlive_every_transition(wire: Wire):
-    cell = Cell(wire, **LAZY)
-    cell.say = resting(NEAR)
+    cell = Cell(wire, **STRICT)
+    cell.say = resting(HIGH)
     assert cell.heard_level(Level.STOP).event == 1
-    cell.say = going(NEAR, GOOD, time.time_ns(), 1.0)
+    cell.say = going(HIGH, GOOD, time.time_ns(), 1.0)
     cell.wire.until(lambda: cell.states[-1].level == Level.OK and cell.states[-1].joint_position == GOOD)
     start, sequence = len(cell.verdicts), cell.states[-1].sequence
     for way in (ANEW[:1], ANEW):
@@ -78,7 +78,7 @@ def test_a_latched_stop_and_its_number_outlive_every_transition(wire: Wire):
     right = cell.reset_at_rest(1)
     assert right.accepted, right.message
     cell.heard_level(Level.OK)
-    cell.say = going(GOOD, NEAR, time.time_ns(), 1.0)
+    cell.say = going(GOOD, HIGH, time.time_ns(), 1.0)
     cell.heard_level(Level.STOP)
     assert all(map(cell.change, ANEW))
     assert cell.change(Transition.TRANSITION_ACTIVATE)

@@ -12,7 +12,7 @@ import yaml
 
 pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
-from cell import GOOD, LAZY, NEAR, Cell, Wire, check, going, resting, statuses_of, swinging
+from cell import GOOD, HIGH, NEAR, STRICT, Cell, Wire, check, going, resting, statuses_of, swinging
 from diagnostic_msgs.msg import DiagnosticArray
 from irsbot_msgs.srv import BypassStop
 from lifecycle_msgs.msg import Transition
@@ -124,28 +124,28 @@ def test_counted_bending_is_computed_at_the_start_and_cannot_grow_unstated(wire:
 
 
 def test_a_latched_stop_survives_a_change_of_settings_and_ends_by_the_right_reset_alone(wire: Wire):
-    cell = Cell(wire, **LAZY)
-    cell.say = resting(NEAR)
+    cell = Cell(wire, **STRICT)
+    cell.say = resting(HIGH)
     stop = cell.heard_level(Level.STOP)
     assert stop.latched
     assert stop.event == 1
     cell.logged("a stop is latched, event 1, level ")
-    assert "Type 1 margin 0.1215, limit 0.1500" in cell.printed
-    assert stop.causes & (Cause.TYPE1 | Cause.TYPE2)
+    assert "Type 1 margin 0.6669, limit 0.7000" in cell.printed
+    assert stop.causes & Cause.TYPE1
 
     answer = cell.reset(1)
     assert not answer.accepted
     assert "cause is still there" in answer.message
 
     assert cell.set(type1_stop=0.01, type2_stop=0.01) == (True, "")
-    cell.logged("type1_stop 0.15 -> 0.01, type2_stop 0.15 -> 0.01")
+    cell.logged("type1_stop 0.7 -> 0.01, type2_stop 0.15 -> 0.01")
     cell.heard(lambda verdict: verdict.config_hash != stop.config_hash)
     kept = cell.heard_many(20)
     assert all(verdict.latched and verdict.event == 1 for verdict in kept)
     assert all(v.level == Level.STOP or (v.level == Level.UNKNOWN and v.causes & Cause.STALE) for v in kept)
-    assert cell.set(type1_stop=0.15, type2_stop=0.15) == (True, "")
+    assert cell.set(type1_stop=0.7, type2_stop=0.15) == (True, "")
 
-    cell.say = going(NEAR, GOOD, time.time_ns(), 1.0)
+    cell.say = going(HIGH, GOOD, time.time_ns(), 1.0)
     cell.wire.until(lambda: cell.states[-1].level == Level.OK and cell.states[-1].joint_position == GOOD)
     begin_ns = time.time_ns()
     cell.say = swinging(GOOD, begin_ns)
@@ -174,13 +174,12 @@ def test_a_latched_stop_survives_a_change_of_settings_and_ends_by_the_right_rese
 
 
 def test_an_operator_bypasses_one_cause_by_the_service_for_a_while(wire: Wire):
-    near = {"type2_stop": 0.01, "type2_warn": 0.02, "constraint_stop": 0.001, "constraint_warn": 0.002}
-    cell = Cell(wire, **near, **LAZY)
+    cell = Cell(wire, **STRICT)
     heard = statuses_of(cell)
     journal: list[str] = []
     latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     cell.node.create_subscription(String, "supervisor/journal", lambda message: journal.append(message.data), latched)
-    cell.say = resting(NEAR)
+    cell.say = resting(HIGH)
     assert cell.heard_level(Level.STOP).event == 1
 
     def ask(**changes: object) -> BypassStop.Response:
@@ -209,7 +208,7 @@ def test_an_operator_bypasses_one_cause_by_the_service_for_a_while(wire: Wire):
         assert 0.0 <= verdict.bypass_left <= 3.0
         assert verdict.speed_scale == 0.05
     assert "bypassed by Ada until " in passed[0].text
-    assert "free it: Type 1 margin 0.1215, limit 0.1500" in passed[0].text
+    assert "free it: Type 1 margin 0.6669, limit 0.7000" in passed[0].text
     again = cell.heard_level(Level.STOP)
     before = next(verdict for verdict in reversed(cell.verdicts) if verdict.bypassed)
     assert (again.event, again.latched, again.bypassed) == (before.event + 1, True, 0)

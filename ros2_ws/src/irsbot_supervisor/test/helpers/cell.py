@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import rclpy
 import rclpy.node
 from diagnostic_msgs.msg import DiagnosticArray
@@ -46,7 +47,15 @@ GOOD: Floats = tuple(ROBOT.inverse((0.0, -0.85)).tolist())
 """Joint positions, rad, far from every singularity."""
 
 NEAR: Floats = tuple(ROBOT.inverse((0.0, -1.198)).tolist())
-"""Joint positions, rad, with Type 1 margin 0.121 and Type 2 margin 0.100: stops are at 0.15."""
+"""Joint positions, rad, with Type 1 margin 0.121 and Type 2 margin 0.100: stops are at 0.15. A robot that begins here
+loses its branch if its second sample comes more than 50 ms after its first."""
+
+HIGH: Floats = tuple(np.add(ROBOT.inverse((0.0, -0.6)), (math.tau, 0.0)).tolist())
+"""Joint positions, rad, with Type 1 margin 0.667 and Type 2 margin 0.788: no late sample loses the branch. Between here
+and GOOD no crank passes the cut of its angle."""
+
+STRICT = {"type1_stop": 0.7, "type1_warn": 0.8}
+"""Limits that stop the robot when it is HIGH, for Type 1 alone, and that it keeps where it is GOOD."""
 
 Say = Callable[[int], JointSample | None]
 """What the drives say at a time, ns of the clock that stamps; None: nothing."""
