@@ -34,6 +34,7 @@ Uses a sourced ROS 2 Jazzy, or installs one from wheels in .venv
 (IRSBOT_ROS=wheels insists on that). IRSBOT_PYTHON names the Python 3.10, 3.11
 or 3.12 to start from.
 """
+SIGPIPE_CODE = 128 + 13  # of a command whose reader has closed the pipe, as of every program that this signal ends
 WITHOUT_SETUP = "The other commands, such as demo, are listed once ./irsbot setup was run.\n"
 
 
@@ -59,6 +60,9 @@ def main(arguments: list[str]) -> int:
             f"{error}\nirsbot: a step of the set-up failed as shown above, all of it is in {place.log}", file=sys.stderr
         )
         return 1
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # buffered output has no reader
+        return SIGPIPE_CODE
     except OSError as error:
         print(f"irsbot: {error}", file=sys.stderr)
         return 2

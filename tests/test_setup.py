@@ -127,6 +127,15 @@ def test_a_python_named_by_the_user_is_the_only_one_tried(irsbot, tools):
     assert refused(irsbot("demo", IRSBOT_PYTHON="/bin/false"), "/bin/false does not run")
 
 
+def test_a_reader_of_the_help_who_goes_away_ends_it_without_a_word(copy):
+    read, write = os.pipe()
+    os.close(read)
+    command = [sys.executable, "-I", "-S", copy / "setup", "--help"]
+    done = subprocess.run(command, stdout=write, stderr=subprocess.PIPE, text=True, timeout=60)
+    os.close(write)
+    assert (done.returncode, done.stderr) == (141, "")
+
+
 def test_without_a_compiler_nothing_is_begun(irsbot, tools, copy):
     (tools / "python3").symlink_to(BASE_PYTHON)
     assert refused(irsbot("test"), "C compiler", "apt install build-essential")
