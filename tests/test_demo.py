@@ -50,7 +50,7 @@ def test_the_robot_stops_before_its_margins_are_crossed(demo: tuple[Path, str]) 
 
 def test_the_timeline_prints_time_level_cause_and_limit(demo: tuple[Path, str]) -> None:
     _folder, printed = demo
-    for words in ("OK", "STOP", "Type 1 margin", "limit 0.1500", "limit crossed -> standstill", "replay"):
+    for words in ("OK", "STOP", "Type 1 margin", "limit 0.1500", "first sample judged STOP -> standstill", "replay"):
         assert words in printed
 
 

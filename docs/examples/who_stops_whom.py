@@ -1,8 +1,6 @@
 """The decision core without ROS: samples in, verdicts out, time is an argument."""
 
-from irsbot_msgs_py.records import JointSample, Level
-from irsbot_supervisor.configuration.loading import read_settings
-from irsbot_supervisor.core.supervisor import Supervisor
+from irsbot_supervisor import JointSample, Level, Supervisor, read_settings
 
 MS = 1_000_000  # ns
 

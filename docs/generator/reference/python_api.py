@@ -18,6 +18,7 @@ PUBLIC = (
     "irsbot_kinematics.algebra",
     "irsbot_kinematics.stiffness",
     "irsbot_kinematics.design",
+    "irsbot_kinematics.own_mechanism",
     "irsbot_supervisor",
     "irsbot_supervisor.consumer",
     "irsbot_supervisor.processes.operating",

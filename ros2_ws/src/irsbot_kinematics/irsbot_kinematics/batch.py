@@ -39,7 +39,7 @@ class Evaluations:
     working_mode: (N, n) signs.
     type1_margin: (N, n) 0..1.
     type2_margin: (N,) 0..1.
-    constraint_margin: (N,) 0..1, NaN where the mechanism has none.
+    constraint_margin: (N,) at least 0, may exceed 1; NaN where the mechanism has none.
     limb_margin: (N, number of limbs with a margin of their own) 0..1.
     pressure_angle: (N, n) rad.
     reach: (N,) m to the workspace boundary.

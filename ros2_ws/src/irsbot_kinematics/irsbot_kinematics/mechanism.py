@@ -89,7 +89,7 @@ class Legs(Generic[N]):
     normalised_levers: Signed Type 1 measure of each leg, B_ii over its largest possible size: -1..1.
     reach: signed distance to the workspace boundary of each leg, m.
     closure: m by which each leg fails to connect base and platform.
-    constraint: Constraint margin, 0..1; None where the legs cannot lose a constraint together.
+    constraint: Constraint margin, at least 0, may exceed 1; None where the legs cannot lose a constraint together.
     limb: Margin of each limb against losing a constraint of its own, 0..1.
     parts: Numbers behind the margins that the mechanism's own guarantee starts from.
     attachments: Attachment vectors of a platform that can turn, m; empty if it cannot turn.
@@ -122,7 +122,7 @@ class Posture(NamedTuple):
     gaps: assembly clearances, m: [0] 0 where two assembly modes meet; [1] distance to not determining the pose.
     cos_pressure: Cosine of each leg's pressure angle, 0..1; the smallest is the Type 2 margin.
     det: Determinant of the screws.
-    constraint: constraint margin, 0..1; NaN where there is none.
+    constraint: constraint margin, at least 0, may exceed 1; NaN where there is none.
     limb: margin of each limb of its own, 0..1.
     residual: m: largest closure error.
     attachments: (n, 2) attachment vectors of a platform that can turn, m; empty if it cannot turn.

@@ -84,7 +84,7 @@ class Robot:
 
     def direct(self, joints: ArrayLike, assembly_mode: int | None = None) -> Array:
         """Pose (m,) of joint positions (n,), m or rad. Raises NotAssembled if no pose, or no single one, belongs to
-        them."""
+        them, and BadInput."""
         return np.array(self.posture(joints, assembly_mode).pose)
 
     def direct_all(self, joints: ArrayLike) -> list[Array]:
@@ -107,7 +107,7 @@ class Robot:
         return solutions
 
     def posture(self, joints: ArrayLike, assembly_mode: int | None = None) -> Posture:
-        """The complete posture in plain floats. Raises NotAssembled like `direct`."""
+        """The complete posture in plain floats. Raises NotAssembled and BadInput like `direct`."""
         q = self._joints(joints)
         at = self.mechanism.posture(q, arguments.assembly_mode(self.mechanism, assembly_mode))
         if at.status == Status.UNREACHABLE:
@@ -145,7 +145,8 @@ class Robot:
     def evaluate(
         self, joints: ArrayLike, assembly_mode: int | None = None, *, force: float = 1.0, moment: float = 0.0
     ) -> Evaluation:
-        """Pose and margins of one posture. force (N), moment (N m): the load of `reaction_max`. Raises NotAssembled."""
+        """Pose and margins of one posture. force (N), moment (N m): the load of `reaction_max`. Raises NotAssembled,
+        BadInput."""
         force, moment = _load(force, moment)
         at = self.posture(joints, assembly_mode)
         return Evaluation(
@@ -207,7 +208,10 @@ class Robot:
         return batch.inverse_many(self.mechanism, X, arguments.working_mode(self.mechanism, working_mode))
 
     def velocity(self, pose: ArrayLike, joints: ArrayLike, joint_rates: ArrayLike) -> Array:
-        """Platform twist (n,) of joint rates: t = -A^-1 B qdot. Raises NotAssembled at Type 2, BadInput."""
+        """Platform twist (n,), m/s and rad/s in the base frame, of joint rates (n,), rad/s or m/s: t = -A^-1 B qdot.
+
+        Raises NotAssembled at Type 2, BadInput.
+        """
         legs = self._legs(pose, joints)
         rates = self._per_joint(joint_rates, "joint_rates")
         drive = [-lever * rate for lever, rate in zip(legs.levers, rates, strict=True)]
@@ -216,7 +220,11 @@ class Robot:
     def acceleration(
         self, pose: ArrayLike, joints: ArrayLike, joint_rates: ArrayLike, joint_accelerations: ArrayLike
     ) -> Array:
-        """Platform acceleration (n,): A a + B qddot + c = 0. Raises NotAssembled at Type 2, BadInput."""
+        """Platform acceleration (n,), m/s2 and rad/s2 in the base frame: A a + B qddot + c = 0.
+
+        joint_rates, joint_accelerations: (n,) rad/s and rad/s2, or m/s and m/s2. Raises NotAssembled at Type 2,
+        BadInput.
+        """
         rates = self._per_joint(joint_rates, "joint_rates")
         accelerations = self._per_joint(joint_accelerations, "joint_accelerations")
         twist = tuple(self.velocity(pose, joints, rates).tolist())
@@ -244,7 +252,7 @@ class Robot:
     def reaction_max(self, pose: ArrayLike, joints: ArrayLike, force: float, moment: float = 0.0) -> Array:
         """Largest leg forces (n,), N, over all directions of a force (N) and both signs of a moment (N m).
 
-        force: size, not negative. Raises BadInput.
+        force: size, not negative. Infinite at Type 2. Raises BadInput. Source: [S2] (8).
         """
         force, moment = _load(force, moment)
         legs = self._legs(pose, joints)
@@ -283,7 +291,8 @@ def _robot(stated: RobotFile) -> Robot:
 
 
 def make_robot(name: str, **geometry: float | Sequence[float]) -> Robot:
-    """A shipped robot by name; keywords override its geometry (SI, radians). Raises UnknownRobot, InvalidGeometry."""
+    """A shipped robot by name; keywords override its geometry (SI, radians). Raises UnknownRobot, BadInput,
+    InvalidGeometry."""
     return _robot(read_robot(name, geometry))
 
 

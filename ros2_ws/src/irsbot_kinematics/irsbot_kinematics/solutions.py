@@ -52,7 +52,7 @@ class Evaluation:
     assembly_mode: label of the assembly mode.
     type1_margin: (n,) of every leg, 0..1: 0 where it is straight or folded.
     type2_margin: 0..1: 0 where the legs do not hold the platform.
-    constraint_margin: 0..1: 0 where the legs lose a constraint together; NaN where they cannot.
+    constraint_margin: at least 0, may exceed 1: 0 where the legs lose a constraint together; NaN where they cannot.
     limb_margin: of every limb that can lose a constraint of its own, 0..1.
     clearance: m the platform may move in any direction before the nearest singularity: a lower bound.
     pressure_angle: (n,) rad, of every leg.

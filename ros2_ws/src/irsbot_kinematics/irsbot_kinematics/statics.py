@@ -117,7 +117,7 @@ def reaction_max(
 ) -> tuple[N, ...]:
     """Largest size of each leg force, N, over all directions of an external force and both signs of a moment.
 
-    Planar with rotation ([2] (8) in cofactor form): (f hypot(C_x, C_y) + |m| |C_z|)/|det|. Without rotation:
+    Planar with rotation ([S2] (8) in cofactor form): (f hypot(C_x, C_y) + |m| |C_z|)/|det|. Without rotation:
     f |C|/|det|, where a moment does not matter. `turns`: the last entry of a row is a moment.
     Infinite at Type 2.
     """

@@ -60,19 +60,23 @@ def cause_names(causes: int) -> str:
 
 
 class JointSample(NamedTuple):
-    """One JointState as it arrived, unchanged."""
+    """One JointState as it arrived, unchanged.
+
+    stamp_ns: ns of ROS time when the sender read the positions. received_ns: ROS clock at its arrival. seen_ns: steady
+    clock of this computer at its arrival.
+    """
 
     stamp_ns: int
     received_ns: int
     seen_ns: int
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # of the joints; the arrays below are in this order
     position: Floats  # rad or m
     velocity: Floats = ()  # rad/s or m/s; may be empty
     effort: Floats = ()  # N m or N; may be empty
 
 
 class Tick(NamedTuple):
-    """A tick of the timer: time has passed."""
+    """A tick of the timer: time has passed. received_ns: ROS clock. seen_ns: steady clock."""
 
     received_ns: int
     seen_ns: int
@@ -179,21 +183,21 @@ def unknown_state(
 class Verdict(NamedTuple):
     """The order that a consumer obeys, with the fields of Verdict.msg."""
 
-    stamp_ns: int
+    stamp_ns: int  # ROS time of the sample it follows from; 0: none yet
     level: Level
-    causes: int
-    latched: bool
-    event: int
-    escape_direction: Floats
+    causes: int  # sum of `Cause`
+    latched: bool  # true: only a reset of `event` ends the stop
+    event: int  # number of the newest stop; 0 before the first
+    escape_direction: Floats  # unit vector in joint space, in rad and m; empty: none
     text: str
-    sequence: int
-    config_hash: str
-    since_ns: int
-    speed_scale: float
+    sequence: int  # one more than that of the verdict before
+    config_hash: str  # of the settings in force
+    since_ns: int  # steady clock when this level came into force
+    speed_scale: float  # 0..1, share of the speed limits that may be used
     findings: tuple[Finding, ...]
-    bypassed: Cause = Cause.NONE
-    bypass_left: float = 0.0
-    escape_cause: Cause = Cause.NONE
+    bypassed: Cause = Cause.NONE  # the cause that an operator has bypassed
+    bypass_left: float = 0.0  # s until the bypass ends
+    escape_cause: Cause = Cause.NONE  # what `escape_direction` leads away from
 
 
 class Reset(NamedTuple):

@@ -3,7 +3,7 @@
 from irsbot_supervisor import JointSample, Supervisor, certify, judge_bag, read_settings
 settings, robot = read_settings("irsbot2", latency_s=0.004)     # shipped robot or YAML file; keywords override
 step = Supervisor(settings, robot).step(JointSample(...))       # judge samples offline: step.verdict, step.state
-certify(robot, settings, times_s, positions).safe               # is a planned motion free of singularities
+certify(robot, settings, times_s, positions).safe               # does a planned motion keep every stop limit
 judge_bag("bags/type2").events                                  # judge a recorded run again
 
 Names are loaded when they are first asked for: the import itself costs no numpy, and nodes load what they need.
@@ -34,7 +34,8 @@ if TYPE_CHECKING:
     from irsbot_supervisor.replay.judgement import BagJudgement, LevelInterval, SmallestMargin, judge_bag
     from irsbot_supervisor.trajectory.certificate import Certificate, Violation
     from irsbot_supervisor.trajectory.joint_path import BadTrajectory
-    from irsbot_supervisor.trajectory.task_space import certify_poses
+    from irsbot_supervisor.trajectory.survey import Run, Survey, survey
+    from irsbot_supervisor.trajectory.task_space import certify_poses, survey_poses
     from irsbot_supervisor.trajectory.verification import certify
 
 __version__ = "0.1.0"
@@ -52,11 +53,13 @@ __all__ = [
     "Level",
     "LevelInterval",
     "Reset",
+    "Run",
     "Settings",
     "SingularityState",
     "SmallestMargin",
     "Step",
     "Supervisor",
+    "Survey",
     "Tick",
     "Verdict",
     "Violation",
@@ -66,6 +69,8 @@ __all__ = [
     "read_settings",
     "read_values",
     "settings_from",
+    "survey",
+    "survey_poses",
 ]
 
 _MODULES = {
@@ -80,7 +85,8 @@ _MODULES = {
     "irsbot_supervisor.replay.judgement": ("BagJudgement", "LevelInterval", "SmallestMargin", "judge_bag"),
     "irsbot_supervisor.trajectory.certificate": ("Certificate", "Violation"),
     "irsbot_supervisor.trajectory.joint_path": ("BadTrajectory",),
-    "irsbot_supervisor.trajectory.task_space": ("certify_poses",),
+    "irsbot_supervisor.trajectory.survey": ("Run", "Survey", "survey"),
+    "irsbot_supervisor.trajectory.task_space": ("certify_poses", "survey_poses"),
     "irsbot_supervisor.trajectory.verification": ("certify",),
 }
 """Module of each public name; the imports above, for the interpreter (PEP 562)."""

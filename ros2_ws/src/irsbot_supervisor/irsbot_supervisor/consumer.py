@@ -37,7 +37,8 @@ class Consumer:
         """Number of times that motion has ended. A command given before the last end is void: discard it."""
 
     def hear(self, level: int, sequence: int, speed_scale: float, now_ns: int, age_s: float = 0.0) -> None:
-        """Take in a verdict. age_s: present time minus its stamp, by the clock that stamps; None if it is not known."""
+        """Take in a verdict. age_s: present time minus its stamp, by the clock that stamps; NaN if it is not
+        known, which forbids motion."""
         follows = sequence > self._sequence >= 0 and self._is_fresh(now_ns)
         self._following = self._following + 1 if follows else 0
         self._heard_ns, self._sequence = now_ns, sequence

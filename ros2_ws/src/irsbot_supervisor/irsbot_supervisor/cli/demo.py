@@ -220,7 +220,7 @@ def _print_outcome(found: Outcome, plan: Scenario) -> None:
         return f"{(later_ns - earlier_ns) / NS_PER_S * 1e3:.1f} ms"
 
     if plan.expect.stop:
-        out.print(f"limit crossed -> STOP received: {after(found.stopped_ns, found.crossed_ns)}")
-        out.print(f"limit crossed -> standstill: {after(found.stood_ns, found.crossed_ns)}")
+        out.print(f"first sample judged STOP -> STOP received: {after(found.stopped_ns, found.judged_ns)}")
+        out.print(f"first sample judged STOP -> standstill: {after(found.stood_ns, found.judged_ns)}")
     for nearest in found.nearest:
         out.print(f"smallest {nearest}")

@@ -28,8 +28,6 @@ FEWEST = 50
 """Least number of postures in the configured modes: with fewer nothing is concluded, because a better posture may lie
 between them."""
 
-"""Names of the margins in the settings, in the order of `assess.Margins`."""
-
 
 def settings_from(values: Mapping[str, Any], robot: Robot) -> Settings:
     """Settings from a mapping (YAML, parameters, journal), completed for a robot and checked as a whole.

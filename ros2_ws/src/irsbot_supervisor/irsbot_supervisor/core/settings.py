@@ -52,7 +52,8 @@ def _word(default: str, text: str, words: tuple[str, ...] = (), on: str = "") ->
 class Settings:
     """Limits and timing of one supervised robot. Field metadata: unit, text, low, high, read_only, each_joint.
 
-    Margins are numbers without unit in 0..1. No margin may reach `*_stop`; the supervisor warns below `*_warn`.
+    Margins are numbers without unit, and limits lie in 0..1. No margin may reach `*_stop`; the supervisor warns below
+    `*_warn`.
     """
 
     robot: str = _word("irsbot2", "preset name or YAML file of the robot")
@@ -104,7 +105,7 @@ class Settings:
     judging_s: float = _number(
         0.0, "s", "longest time to judge a sample; 0: interval between samples, at most 5 ms", 0.0, 1.0
     )
-    heartbeat_s: float = _number(0.01, "s", "longest time between two verdicts", 0.001, 0.02)
+    heartbeat_s: float = _number(0.01, "s", "time after which a verdict is repeated", 0.001, 0.02)
     age_limit_s: float = _number(0.05, "s", "oldest acceptable stamp on arrival", 0.001, 10.0)
     future_limit_s: float = _number(0.02, "s", "how far ahead of our clock a stamp may be", 0.0, 10.0)
     standstill_speed: float = _number(0.02, "rad/s or m/s", "a joint below this speed stands", 0.0, 10.0)

@@ -194,6 +194,6 @@ def release_of(settings: Settings) -> Margins:
 
 
 def raised(limits: Margins, share: float) -> Margins:
-    """Limits raised by a share, but not above 1, which no margin exceeds."""
+    """Limits raised by a share, but not above 1: beyond 1 no margin needs a limit."""
     type1, type2, constraint, limb = (min(limit * (1.0 + share), 0.5 * (1.0 + limit)) for limit in limits)
     return type1, type2, constraint, limb

@@ -22,7 +22,7 @@ LEVEL_COLOURS = {Level.OK: "#d9f0d3", Level.WARN: "#fee8a8", Level.STOP: "#f7b2a
 SILENT = f"no verdict for {CONSUMER_TIMEOUT_S:g} s: stop"
 SILENT_STYLE: dict[str, Any] = {"facecolor": "#d8c9e6", "edgecolor": "#8050a0", "hatch": "//", "linewidth": 0.0}
 MARGIN_COLOURS = ("#1b6ca8", "#b3372f", "#2d7d46", "#8050a0")
-MARKS = (("limit crossed", "crossed_ns", ":"), ("STOP", "stopped_ns", "--"), ("standstill", "stood_ns", "-."))
+MARKS = (("sample judged STOP", "judged_ns", ":"), ("STOP", "stopped_ns", "--"), ("standstill", "stood_ns", "-."))
 
 
 def draw_run(recording: Recording, found: Outcome, target: Path) -> None:

@@ -57,7 +57,7 @@ class SmallestMargin(NamedTuple):
     """The smallest value of one margin at the samples of a run.
 
     margin: 'type1', 'type2', 'constraint' or 'limb'.
-    value: 0..1.
+    value: at least 0.
     time_s: s since the first joint state of the bag.
     """
 

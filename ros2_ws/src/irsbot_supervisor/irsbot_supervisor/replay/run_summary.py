@@ -1,4 +1,4 @@
-"""Summary of a recorded run: times of the limit, of the STOP and of standstill, and the smallest margins."""
+"""Summary of a recorded run: times of the judged sample, of the STOP and of standstill, and the smallest margins."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Outcome(NamedTuple):
     """Times in ns, ROS clock; None if the event did not happen."""
 
     begin_ns: int
-    crossed_ns: int | None  # stamp of the first sample from which braking would end beyond a stop limit
+    judged_ns: int | None  # stamp of the first sample that is judged STOP
     stopped_ns: int | None  # when the STOP verdict reached the recorder
     stood_ns: int | None  # stamp of the first sample of the standstill that followed
     stop_causes: int
@@ -62,11 +62,11 @@ def outcome(recording: Recording, expect: ExpectedOutcome) -> Outcome:
     later = [(log, verdict) for log, verdict in recording.verdicts if log > working]
     stopped_ns, verdict = next((heard for heard in later if heard[1].level == Level.STOP), (None, None))
     unknown_ns, doubt = next((heard for heard in later if heard[1].level == Level.UNKNOWN), (None, None))
-    crossed = next((state for state in states if state.level == Level.STOP and state.stamp_ns > working), None)
+    judged = next((state for state in states if state.level == Level.STOP and state.stamp_ns > working), None)
     stood = _standstill(states, stopped_ns, float(settings.get("standstill_speed", 0.0)))
     found = Outcome(
         begin_ns,
-        crossed.stamp_ns if crossed else None,
+        judged.stamp_ns if judged else None,
         stopped_ns,
         stood.stamp_ns if stood else None,
         verdict.causes & ~int(Cause.LATCHED) if verdict else 0,

@@ -34,5 +34,6 @@ class Certificate(NamedTuple):
 
     @property
     def safe(self) -> bool:
-        """True if every margin and joint range is proved to be kept over the whole motion."""
+        """True if the whole motion is in the configured branch and is proved to keep every stop limit and joint range.
+        The speeds of the joints do not count."""
         return self.violation is None

@@ -26,6 +26,7 @@ class Run(NamedTuple):
 
     first: Violation
     until_s: float
+    """s of the motion: the end of the part."""
     worst: Violation
     """Point of the smallest value found."""
 
@@ -43,6 +44,7 @@ class Survey(NamedTuple):
 
     @property
     def safe(self) -> bool:
+        """True if there is no violation; the speeds do not count."""
         return not self.runs
 
     def followed_by(self, later: Survey) -> Survey:

@@ -40,7 +40,8 @@ def certify_poses(
 
     times_s: (N,) s, increasing. poses: (N, m) m or rad, task coordinates. A pose that cannot be reached is a violation.
     assembly_mode: of the first pose; 0: that of the settings or, if labels do not determine the branch, that of the
-    first pose. Raises BadTrajectory.
+    first pose. The stopping distance is not included, and speeds are not compared with velocity_limit. Raises
+    BadTrajectory.
     """
     path = _Joints(robot, settings, times_s, poses)
     nothing = ((inf, 0.0),) * len(MARGIN_CAUSES)

@@ -65,8 +65,8 @@ def certify(
     limits. begin: a posture near the start on the branch of the motion, if it is known better than by a label.
     prediction_delay_s: time that the robot moves without supervision, at least two sample periods, if the motion has to
     pass a supervisor; left out: only the path itself is certified. Returns the smallest certified margins and the first
-    violation, of a margin or of a joint range. Raises BadTrajectory for malformed points, and for an assembly mode that
-    the mechanism does not have.
+    violation, of a margin or of a joint range; speeds are not compared with velocity_limit. Raises BadTrajectory for
+    malformed points, and for an assembly mode that the mechanism does not have.
     """
     motion = JointSegments(len(robot.mechanism.joints), times_s, positions, velocities)
     walk = Walk(robot, settings, motion, assembly_mode, limits, begin, prediction_delay_s)
