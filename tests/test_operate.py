@@ -83,8 +83,9 @@ def test_a_stopped_robot_is_led_out_along_its_escape_direction_and_reset(tmp_pat
     """A limit above the margin of a robot that stands stops it."""
     number = free_domain()
     with Suite(tmp_path, number) as suite, Operator(number, patience_s=PATIENCE_S) as operator:
-        suite.start(Node("supervisor", SUPERVISOR, {"robot": "irsbot2"}))
-        drives = {"robot": "irsbot2", "scenario": "stand", "gated": True, "listeners": 1}
+        slow = {"robot": "irsbot2", "acceleration_limit": [10.0]}  # late samples on a busy machine cost it little room
+        suite.start(Node("supervisor", SUPERVISOR, slow))
+        drives = {**slow, "scenario": "stand", "gated": True, "listeners": 1}
         suite.start(Node("simulated_joints", JOINTS, drives, GATED))
         operator.verdict()
         assert operator.set({"constraint_warn": 0.22, "constraint_stop": 0.2}).accepted
@@ -92,12 +93,13 @@ def test_a_stopped_robot_is_led_out_along_its_escape_direction_and_reset(tmp_pat
         while not (stop := operator.verdict()).escape_direction:
             assert time.monotonic() < end_s, stop
         assert stop.escape_cause & Cause.CONSTRAINT
-        done = irsbot(number, "send", "escape", "--seconds", 20)
+        while "the verdict, UNKNOWN" in (done := irsbot(number, "send", "escape", "--seconds", 20)).stderr:
+            assert time.monotonic() < end_s, done.stderr  # a sample was late, on a busy machine
         assert done.returncode == 0, done.stderr
         assert re.match(r"passed, at most: -?0\.\d+ ", done.stdout)
         end_s = time.monotonic() + PATIENCE_S
-        while not (answer := operator.reset(stop.event, "test: led out")).accepted:  # a busy machine may be silent
-            assert time.monotonic() < end_s, answer.message
+        while not (answer := operator.reset(operator.verdict().event, "test: led out")).accepted:
+            assert time.monotonic() < end_s, answer.message  # a busy machine may be silent
             irsbot(number, "send", "escape", "--seconds", 1)
 
 

@@ -23,6 +23,8 @@ from irsbot_supervisor.processes.suite import JOINTS, KINEMATICS, RECORDER, SUPE
 from irsbot_supervisor.sim.simulation import STANDING
 
 PATIENCE_S = 60.0
+AGAIN_S = 1.0
+"""s without an answer after which a reset is requested again: the middleware may drop one."""
 
 CYCLE_S = 0.005
 """s between two cycles of the controller, and between two joint states."""
@@ -63,6 +65,7 @@ class Station:
         self.stops: list[str] = []  # texts of the verdicts that brake, and of what the gate holds
         self.joints: list[JointSample] = []
         self._reset: Any = None
+        self._asked_s = 0.0
         self._operator = self.node.create_client(ResetStop, "supervisor/reset")
         self.node.create_subscription(Verdict, "supervisor/verdict", self._hear, LATCHED, raw=True)
         self.node.create_subscription(JointState, "joint_states", self._see, 1000, raw=True)
@@ -139,7 +142,9 @@ class Station:
     def may_move(self) -> bool:
         """Reset a stop, as an operator would who has looked."""
         verdict = self.verdict
-        if verdict is not None and verdict.latched and (self._reset is None or self._reset.done()):
+        due = self._reset is None or self._reset.done() or time.monotonic() > self._asked_s + AGAIN_S
+        if verdict is not None and verdict.latched and due:
+            self._asked_s = time.monotonic()
             self._reset = self._operator.call_async(ResetStop.Request(event=verdict.event, operator_text="campaign"))
         return bool(self.joints and verdict is not None and verdict.level <= Level.WARN)
 

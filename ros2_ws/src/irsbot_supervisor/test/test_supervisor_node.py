@@ -14,7 +14,7 @@ import pytest
 pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
 from builtin_interfaces.msg import Time
-from cell import GOOD, HIGH, NAMES, STRICT, Cell, Wire, bad, check, going, resting, sample
+from cell import GOOD, HIGH, NAMES, STRICT, Cell, Wire, bad, check_at_rest, going, resting, sample
 from irsbot_msgs.msg import Verdict as VerdictMessage
 from lifecycle_msgs.msg import Transition
 from rclpy.duration import Duration
@@ -85,6 +85,9 @@ def test_joints_in_another_order_and_among_others_are_taken_by_name(cell: Cell):
     cell.say = lambda t: sample(t, GOOD[::-1], names=NAMES[::-1])
     cell.wire.until(lambda: good(turned) > 100)
     for state in cell.states[start:]:
+        if state.causes == Cause.STAMP:  # after a pause of the machine a sample may be too old to be judged
+            assert state.level == Level.UNKNOWN
+            continue
         assert state.joint_position == GOOD
         assert state.pose == pytest.approx(there.pose, abs=1e-12)
         assert state.level == Level.OK or state.causes == Cause.STALE  # a busy machine may be late
@@ -94,7 +97,8 @@ def test_silence_is_unknown_from_the_stale_limit_on_and_ends_with_the_next_good_
     cell.say = lambda t: None
     (*_, stale) = cell.heard(lambda verdict: bool(verdict.causes & Cause.STALE), "STALE")
     assert stale.level == Level.UNKNOWN
-    assert stale.since_ns == cell.states[-1].seen_ns + STALE_NS  # when silence began to count, not when it was noticed
+    began = {state.seen_ns + STALE_NS for state in cell.states}  # when silence began to count, not when it was noticed
+    assert stale.since_ns in began
     assert all(verdict.level == Level.UNKNOWN for verdict in cell.heard_many(20))  # 0.2 s of heartbeats
     cell.say = resting(GOOD)
     *silent, again = cell.heard(lambda verdict: verdict.level == Level.OK, "recovery")
@@ -146,8 +150,7 @@ def test_simulated_time_may_pause_and_start_again(wire: Wire):
     wire.until(lambda: now_ns[0] > begin_ns + 10**9)
 
     running[0] = False
-    paused = cell.heard_level(Level.UNKNOWN)
-    assert paused.causes == Cause.STALE
+    cell.heard(lambda verdict: (verdict.level, verdict.causes) == (Level.UNKNOWN, Cause.STALE), "STALE alone")
     cell.say = lambda t: None
     assert all(verdict.level == Level.UNKNOWN for verdict in cell.heard_many(20))  # the heart beats on
     cell.say, running[0] = resting(GOOD), True
@@ -246,12 +249,9 @@ def test_an_error_inside_is_an_unknown_verdict_and_the_node_goes_on(wire: Wire, 
     cell = Cell(wire, module="fake_failing_mechanism")
     cell.heard_level(Level.OK)
     start = len(cell.verdicts)
-    answers = [check(cell, GOOD, (3.3, GOOD[1]))]
-    while "ask while it stands" in answers[-1].message:  # a sample was late, on a busy machine
-        cell.heard_level(Level.OK)
-        answers.append(check(cell, GOOD, (3.3, GOOD[1])))
-    assert not answers[-1].safe
-    assert "a fake error of the mechanism" in answers[-1].message
+    answer = check_at_rest(cell, GOOD, (3.3, GOOD[1]))
+    assert not answer.safe
+    assert "a fake error of the mechanism" in answer.message
     cell.wire.until(lambda: any(verdict.causes & Cause.INTERNAL for verdict in cell.verdicts[start:]))
     cell.heard_level(Level.OK)
     cell.say = going(GOOD, (3.0, GOOD[1]), time.time_ns(), 1.0)

@@ -43,8 +43,8 @@ def test_diagnostics_have_one_status_per_check(cell: Cell, diagnostics: Statuses
     assert set(diagnostics[-1]) == {*checks, *others}
     cell.wire.until(lambda: all(diagnostics[-1][check] == (b"\x00", "OK") for check in checks))
     cell.say = lambda t: bad(t, position=(math.nan, 0.0))
-    cell.wire.until(lambda: diagnostics[-1]["joint states"][0] == DiagnosticStatus.ERROR)
-    assert "nan" in diagnostics[-1]["joint states"][1]
+    cell.wire.until(lambda: "nan" in diagnostics[-1]["joint states"][1])
+    assert diagnostics[-1]["joint states"][0] == DiagnosticStatus.ERROR
     assert diagnostics[-1]["margins"] == (b"\x00", "OK")
 
 
@@ -58,7 +58,8 @@ def test_diagnostics_have_the_figures_as_values(cell: Cell):
 
     cell.wire.until(lambda: values("supervisor").get("level") == "OK" and "samples [1/s]" in values("joint states"))
     cell.wire.until(lambda: 0.0 < float(values("joint states")["samples [1/s]"]) < 2.0 / PERIOD_S, "a rate of samples")
-    state, margins, supervisor = cell.states[-1], values("margins"), values("supervisor")
+    state = [state for state in cell.states if state.type1_margin and math.isfinite(state.type2_margin)][-1]
+    margins, supervisor = values("margins"), values("supervisor")
     assert float(margins["Type 1"]) == pytest.approx(min(state.type1_margin), abs=1e-5)
     least = float(margins["while stopping"])  # of some sample: how late the next may come changes from one to the next
     assert any(least == pytest.approx(state.stop_margin, abs=1e-5) for state in cell.states)
@@ -115,5 +116,5 @@ def test_partners_that_ask_for_or_offer_another_quality_of_service_are_reported(
         cell.wire.until(lambda: diagnostics[-1]["verdict subscribers"][0] == b"\x02")
         assert "/drive" in diagnostics[-1]["verdict subscribers"][1]
     cell.wire.until(lambda: diagnostics[-1]["verdict subscribers"][0] == b"\x00")
-    assert "/fieldbus" in cell.printed
-    assert "/drive" in cell.printed
+    cell.logged("/fieldbus")
+    cell.logged("/drive")

@@ -12,7 +12,7 @@ import yaml
 
 pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
-from cell import GOOD, HIGH, NEAR, STRICT, Cell, Wire, check, going, resting, statuses_of, swinging
+from cell import GOOD, HIGH, NEAR, STRICT, Cell, Wire, check, check_at_rest, going, resting, statuses_of, swinging
 from diagnostic_msgs.msg import DiagnosticArray
 from irsbot_msgs.srv import BypassStop
 from lifecycle_msgs.msg import Transition
@@ -191,9 +191,10 @@ def test_an_operator_bypasses_one_cause_by_the_service_for_a_while(wire: Wire):
         ({"event": 7}, "event 7"),
         ({"reason": ""}, "reason"),
     ):
-        answer = ask(**changes)
+        while "good sample" in (answer := ask(**changes)).message:  # one was late, on a busy machine
+            cell.heard_level(Level.STOP)
         assert not answer.accepted
-        assert words in answer.message or "known" in answer.message  # a sample may be late on a busy machine
+        assert words in answer.message or "known" in answer.message
 
     def lasts() -> bool:
         """Whether the diagnostics have seen it; a bypass is asked for again where a late sample has ended it."""
@@ -214,23 +215,23 @@ def test_an_operator_bypasses_one_cause_by_the_service_for_a_while(wire: Wire):
     assert (again.event, again.latched, again.bypassed) == (before.event + 1, True, 0)
     cell.logged(f"bypass of cause 1 of event {before.event} for 3 s by 'Ada', 'free it', ")
     entries = [entry for entry in map(read_entry, journal) if isinstance(entry, Bypass)]
-    assert [math.isnan(entry.duration_s) for entry in entries[:2]] == [True, False]
+    assert {math.isnan(entry.duration_s) for entry in entries} == {True, False}
     assert (entries[-1].operator, entries[-1].reason, entries[-1].duration_s) == ("Ada", "free it", 3.0)
 
 
 def test_a_trajectory_is_checked_while_the_robot_stands(cell: Cell):
     near_by = GOOD[0] - 0.1, GOOD[1] + 0.1
-    safe = check(cell, GOOD, near_by)
+    safe = check_at_rest(cell, GOOD, near_by)
     assert safe.safe
     assert all(map(math.isfinite, safe.margin_min))  # of the margins that this robot has
     assert len(safe.margin_cause) == len(safe.margin_min) == len(safe.margin_min_time) > 0
     assert math.isnan(safe.violation_time)
-    violated = check(cell, GOOD, NEAR)
+    violated = check_at_rest(cell, GOOD, NEAR)
     assert not violated.safe
     assert 0.0 < violated.violation_time <= 1.0
     assert violated.violation_cause in (Cause.TYPE1, Cause.TYPE2)
     assert violated.message
-    assert "positions" in check(cell, GOOD[:1], GOOD[:1]).message
+    assert "positions" in check_at_rest(cell, GOOD[:1], GOOD[:1]).message
     cell.say = swinging(GOOD, time.time_ns())
     cell.wire.until(lambda: any(abs(rate) > 0.1 for rate in cell.states[-1].joint_velocity))
     moving = check(cell, GOOD, near_by)

@@ -134,7 +134,8 @@ def test_a_listener_to_summaries_alone_gets_them_whole(wire: Wire) -> None:
         assert summary.state_count == summary.state.sequence - before.state.sequence
         assert summary.state_total == before.state_total + summary.state_count
         assert 0.0 < summary.state.compute_time < 1.0
-        assert summary.smallest[1] <= summary.state.type2_margin <= summary.largest[1]
+        if math.isfinite(summary.state.type2_margin):  # else the newest sample was too old to be judged
+            assert summary.smallest[1] <= summary.state.type2_margin <= summary.largest[1]
         assert summary.smallest[1] < summary.largest[1] or summary.state_count == 1
     assert max(summary.state_count for summary in found) > 2
     assert min(b.state.seen_ns - a.state.seen_ns for a, b in pairwise(found)) < SHOWN_NS  # not only with the markers

@@ -4,6 +4,7 @@ ROS."""
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -18,6 +19,12 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from irsbot_msgs_py.cdr import decode_state, decode_verdict
 from irsbot_msgs_py.process.fastdds import choose_transport
 from irsbot_msgs_py.records import SingularityState, Verdict
+
+STATES_DEPTH = 1000
+"""A second of states at 1 kHz: the first one must not be lost while this process waits for a processor."""
+
+AGAIN_S = 1.0
+"""s without an answer after which a reset is requested again: the middleware may drop the answer to a new client."""
 
 LATCHED = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -43,9 +50,10 @@ class Watch:
         )
         self._resets = self.node.create_client(ResetStop, "supervisor/reset")
         self._answer: Any = None  # to the last request for a reset
+        self._asked_s = 0.0
         self._on_first_state = on_first_state
         self._states: Any = self.node.create_subscription(
-            StateMessage, "supervisor/state", self._on_state, LATCHED.depth, raw=True
+            StateMessage, "supervisor/state", self._on_state, STATES_DEPTH, raw=True
         )
 
     def look(self, seconds: float) -> None:
@@ -54,8 +62,10 @@ class Watch:
 
     def reset(self, event: int, operator_text: str) -> bool:
         """Request a reset of a stop; True if that was possible: the service is there, and no answer is due."""
-        if not self._resets.service_is_ready() or not (self._answer is None or self._answer.done()):
+        waits = self._answer is not None and not self._answer.done() and time.monotonic() < self._asked_s + AGAIN_S
+        if waits or not self._resets.service_is_ready():
             return False
+        self._asked_s = time.monotonic()
         self._answer = self._resets.call_async(ResetStop.Request(event=event, operator_text=operator_text))
         return True
 

@@ -29,6 +29,9 @@ from irsbot_supervisor.processes.suite import Suite, SuiteError
 PATIENCE_S = 60.0
 """s: longest wait for an event that must come: far more than it takes, also on a busy machine."""
 
+AGAIN_S = 1.0
+"""s without an answer after which a request is made again: far longer than a node takes to answer one."""
+
 LATCHED = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 ANSWERS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 """Depth of the queue of answers: a client receives the answers to all clients of its service, and selects its own."""
@@ -97,25 +100,28 @@ class Tester:
         return None if data is None else decode_state(data)
 
     def client(self, kind: Any, name: str) -> Any:
-        """A client whose service is available."""
+        """A client whose service has answered it: an empty request, which changes nothing."""
         client = self.node.create_client(kind, name, qos_profile=ANSWERS)
         self.until(client.service_is_ready, f"service {name}")
+        self.ask_again(client, kind.Request())
         return client
 
-    def meet(self, client: Any, harmless: Any) -> None:
-        """Call a service, again every second, until one call is answered. The middleware drops the answers to a client
-        that the server has not discovered completely, and the client cannot see when it has."""
+    def ask_again(self, client: Any, request: Any) -> Any:
+        """The answer of a service that may be called twice: it is called until one call is answered. The middleware
+        drops the answers to a client that the server has not discovered completely, and the client cannot see when it
+        has."""
         calls: list[Any] = []
         due_s = 0.0
 
         def answered() -> bool:
             nonlocal due_s
             if time.monotonic() >= due_s:
-                calls.append(client.call_async(harmless))
-                due_s = time.monotonic() + 1.0
+                calls.append(client.call_async(request))
+                due_s = time.monotonic() + AGAIN_S
             return any(call.done() for call in calls)
 
         self.until(answered, f"an answer of {client.service_name}")
+        return next(call.result() for call in calls if call.done())
 
     def ask(self, client: Any, request: Any) -> Any:
         """Call a service; returns its answer."""
@@ -133,7 +139,7 @@ class Tester:
         if verdict.latched:
             if self._reset is None:
                 self._reset = self.client(ResetStop, "supervisor/reset")
-            self.ask(self._reset, ResetStop.Request(event=verdict.event, operator_text="campaign"))
+            self.ask_again(self._reset, ResetStop.Request(event=verdict.event, operator_text="campaign"))
 
     def works(self, beats: int) -> bool:
         """True if this number of newest verdicts are all OK. A stop caused by a busy machine is reset."""
