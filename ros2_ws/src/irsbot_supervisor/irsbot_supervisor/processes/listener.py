@@ -24,7 +24,8 @@ STATES_DEPTH = 1000
 """A second of states at 1 kHz: the first one must not be lost while this process waits for a processor."""
 
 AGAIN_S = 1.0
-"""s without an answer after which a reset is requested again: the middleware may drop the answer to a new client."""
+"""s without an answer after which a request is made again: the middleware may drop the answer to a new client. Every
+request of an operator may come twice: a reset names its stop, settings are values."""
 
 LATCHED = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
