@@ -24,7 +24,8 @@ from irsbot_supervisor.cli.app import main
 from irsbot_supervisor.cli.up import _parameters
 from irsbot_supervisor.configuration.ros_parameter_file import OF_EVERY_NODE, QOS_OVERRIDES, read_parameters
 from irsbot_supervisor.nodes.suite import wanted
-from irsbot_supervisor.processes.listener import AGAIN_S, Watch
+from irsbot_supervisor.processes.asking import Asking
+from irsbot_supervisor.processes.listener import Watch
 from irsbot_supervisor.processes.suite import JOINTS, KINEMATICS, RECORDER, SUPERVISOR, TOGETHER, free_domain
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
@@ -56,17 +57,9 @@ class Up:
 
     def ask(self, kind: Any, name: str, request: Any) -> Any:
         """The answer of a service."""
-        client, calls, due_s = self.client(kind, name), list[Any](), 0.0
-
-        def answered() -> bool:
-            nonlocal due_s
-            if time.monotonic() >= due_s:  # the middleware may drop the answer to a new client
-                calls.append(client.call_async(request))
-                due_s = time.monotonic() + AGAIN_S
-            return any(call.done() for call in calls)
-
-        self.until(answered)
-        return next(call.result() for call in calls if call.done())
+        asking = Asking(self.client(kind, name), request)
+        self.until(asking.answered)
+        return asking.answer
 
     def client(self, kind: Any, name: str) -> Any:
         """A client of a service that is there."""

@@ -19,12 +19,11 @@ from std_msgs.msg import Float64MultiArray
 
 from irsbot_msgs_py.cdr import decode_joint_state, decode_verdict
 from irsbot_msgs_py.records import JointSample, Level
+from irsbot_supervisor.processes.asking import Asking
 from irsbot_supervisor.processes.suite import JOINTS, KINEMATICS, RECORDER, SUPERVISOR, Node, Suite, free_domain
 from irsbot_supervisor.sim.simulation import STANDING
 
 PATIENCE_S = 60.0
-AGAIN_S = 1.0
-"""s without an answer after which a reset is requested again: the middleware may drop one."""
 
 CYCLE_S = 0.005
 """s between two cycles of the controller, and between two joint states."""
@@ -64,8 +63,7 @@ class Station:
         self.verdict: Any = None
         self.stops: list[str] = []  # texts of the verdicts that brake, and of what the gate holds
         self.joints: list[JointSample] = []
-        self._reset: Any = None
-        self._asked_s = 0.0
+        self._reset: Asking | None = None
         self._operator = self.node.create_client(ResetStop, "supervisor/reset")
         self.node.create_subscription(Verdict, "supervisor/verdict", self._hear, LATCHED, raw=True)
         self.node.create_subscription(JointState, "joint_states", self._see, 1000, raw=True)
@@ -142,10 +140,9 @@ class Station:
     def may_move(self) -> bool:
         """Reset a stop, as an operator would who has looked."""
         verdict = self.verdict
-        due = self._reset is None or self._reset.done() or time.monotonic() > self._asked_s + AGAIN_S
+        due = self._reset is None or self._reset.answered()
         if verdict is not None and verdict.latched and due:
-            self._asked_s = time.monotonic()
-            self._reset = self._operator.call_async(ResetStop.Request(event=verdict.event, operator_text="campaign"))
+            self._reset = Asking(self._operator, ResetStop.Request(event=verdict.event, operator_text="campaign"))
         return bool(self.joints and verdict is not None and verdict.level <= Level.WARN)
 
     def close(self) -> None:

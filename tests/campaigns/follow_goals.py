@@ -30,12 +30,11 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 from irsbot_msgs_py.cdr import decode_state, decode_verdict
 from irsbot_msgs_py.records import Floats, Level
 from irsbot_supervisor.configuration.loading import read_settings
+from irsbot_supervisor.processes.asking import Asking
 from irsbot_supervisor.processes.suite import GATED, JOINTS, SUPERVISOR, Node, Suite, free_domain
 from irsbot_supervisor.sim.simulation import STANDING
 
 PATIENCE_S = 60.0
-AGAIN_S = 1.0
-"""s without an answer after which a reset is requested again: the middleware may drop one."""
 LATE = "not known"
 """Of the reason, where samples were late."""
 
@@ -59,8 +58,7 @@ class Client:
         self.executor.add_node(self.node)
         self.client = ActionClient(self.node, FollowJointTrajectory, "supervisor/follow_joint_trajectory")
         self.operator = self.node.create_client(ResetStop, "supervisor/reset")
-        self._reset: Any = None
-        self._asked_s = 0.0
+        self._reset: Asking | None = None
         self.joints: Floats = ()
         self.level, self.events, self.least = Level.UNKNOWN, 0, float("inf")
         self.node.create_subscription(SingularityState, "supervisor/state", self._state, 100, raw=True)
@@ -96,10 +94,9 @@ class Client:
 
     def _may_move(self) -> bool:
         """Reset a stop, as an operator would who has looked."""
-        due = self._reset is None or self._reset.done() or time.monotonic() > self._asked_s + AGAIN_S
+        due = self._reset is None or self._reset.answered()
         if self.level == Level.STOP and due:
-            self._asked_s = time.monotonic()
-            self._reset = self.operator.call_async(ResetStop.Request(event=self.events, operator_text="campaign"))
+            self._reset = Asking(self.operator, ResetStop.Request(event=self.events, operator_text="campaign"))
         return self.level <= Level.WARN and bool(self.joints)
 
     def _send(self, joints: Floats, seconds: float) -> Any:

@@ -29,8 +29,9 @@ from irsbot_supervisor.core.validation import Rejected
 # --- silence ---------------------------------------------------------------------------------------------------------
 
 
-def test_a_gap_is_a_silence_only_when_it_is_longer_than_stale():
-    for gap_ms, silent in ((11, False), (STALE_MS - 1, False), (STALE_MS + 1, True), (400, True)):
+def test_the_region_of_a_gap_matters_as_soon_as_the_box_before_it_does_not_cover_it():
+    """The box covers the next sample, 1 ms later, its judging, 1 ms, and the latency, 10 ms."""
+    for gap_ms, silent in ((11.9, False), (12.1, True), (STALE_MS - 1, True), (STALE_MS + 1, True), (400, True)):
         filter_ = estimator()
         watch(filter_, moving((0.0, 0.0), (0.0, 0.0), 0, 200))
         assert (good(filter_.update(accepted(199 + gap_ms, (0.0, 1.0)))).silence is not None) is silent, gap_ms

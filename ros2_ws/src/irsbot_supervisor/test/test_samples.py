@@ -15,6 +15,7 @@ from rclpy.qos import QoSProfile
 
 from irsbot_msgs_py.cdr import encode_joint_state
 from irsbot_msgs_py.records import JointSample
+from irsbot_supervisor.nodes import clocks
 from irsbot_supervisor.nodes import samples as module
 from irsbot_supervisor.nodes.clocks import both_clocks
 from irsbot_supervisor.nodes.samples import BURST_S, LATE_NS, MOST_BYTES, SHARE, Samples
@@ -206,6 +207,21 @@ def test_samples_during_a_closed_intake_and_held_ones_are_never_judged(node: Fak
     assert len(node.queue.waiting) == 1
     node.queue.waiting = []
     assert send(node, stream, 1, 1000.0) == node.judged[len(judged) :]
+
+
+def test_a_pause_between_the_two_clocks_is_no_clock_that_was_set(monkeypatch: pytest.MonkeyPatch):
+    """The process is not served for 4 ms between two readings; all are repeated."""
+    now_ns, pauses = [1_000_000_000], [0, 4_000_000, 0, 0, 0]
+
+    def read(offset_ns: int) -> int:
+        now_ns[0] += 1000 + (pauses.pop(0) if pauses else 0)
+        return now_ns[0] + offset_ns
+
+    monkeypatch.setattr(clocks.time, "time_ns", lambda: read(BEGIN_NS))
+    monkeypatch.setattr(clocks.time, "monotonic_ns", lambda: read(0))
+    system = SimpleNamespace(handle=SimpleNamespace(get_ros_time_override_is_enabled=lambda: False))
+    ros_ns, steady_ns = both_clocks(SimpleNamespace(get_clock=lambda: system))
+    assert abs(ros_ns - steady_ns - BEGIN_NS) <= 1000
 
 
 def test_without_simulated_time_ros_time_is_that_of_the_system():

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from supervised import (
     MS,
+    configure,
     expectation,
     feed,
     joints_of,
@@ -18,6 +19,7 @@ from supervised import (
     resting,
     sample,
     supervisor_of,
+    tick,
 )
 
 import irsbot_kinematics as irs
@@ -112,3 +114,68 @@ def test_a_silence_in_a_good_posture_at_rest_loses_no_branch(silence_ms, back_ms
     steps = feed(supervisor, [set_back(one, back_ms) for one in resting(silence_ms, silence_ms + 300, q)])
     assert not newest(steps).latched
     assert level_in_force(steps) == Level.OK
+
+
+# --- between two samples ----------------------------------------------------------------------------------------
+
+FREE, TOWARDS = (-0.086153889149302, 0.7385104115796117, 0.7359930647205954), (-1.0, 1.0, 1.0)
+"""Joint positions of rails3, m, where it may stand, and the direction in which Type 2 is 4.6 mm away."""
+
+STAND_MS = 300
+
+
+def there_and_back_ms() -> float:
+    """Least time in which the drives, from rest, meet Type 2 and are back where they were: out at the largest
+    acceleration, then at the largest speed, and back the same way. They may turn at once: no limit holds for brakes
+    that are too strong."""
+    supervisor = supervisor_of("rails3")
+    at = supervisor.robot.mechanism.posture(FREE, supervisor.settings.assembly_mode)
+    way_m, step_m = 0.0, 1e-4
+    while step_m > 1e-9:
+        there = tuple(q + u * (way_m + step_m) for q, u in zip(FREE, TOWARDS, strict=True))
+        if (found := supervisor.robot.mechanism.track(there, at)).status == irs.Status.SOLVED:
+            at, way_m = found, way_m + step_m
+        else:
+            step_m *= 0.5
+    assert min(at.cos_pressure) < 1e-3, "not Type 2"
+    v, a = supervisor.settings.velocity_limit[0], supervisor.settings.acceleration_limit[0]
+    return 2e3 * (v / a + (way_m - 0.5 * v * v / a) / v)
+
+
+def standing(begin_ms: int, end_ms: int) -> list[JointSample]:
+    names = supervisor_of("rails3").settings.joint_names
+    return [sample(ms, FREE, names=names) for ms in range(begin_ms, end_ms)]
+
+
+@pytest.mark.parametrize("gap_ms", [45, 49, 60, 100, 2000])
+@pytest.mark.parametrize("ticks", [False, True], ids=["alone", "with ticks"])
+def test_a_time_without_samples_in_which_type_2_can_be_met_loses_the_branch_of_a_robot_that_stood_free(gap_ms, ticks):
+    assert there_and_back_ms() < 40.0
+    supervisor = supervisor_of("rails3")
+    assert level_in_force(feed(supervisor, standing(-STAND_MS, 0))) == Level.OK
+    if ticks:
+        feed(supervisor, [tick(ms) for ms in range(5, gap_ms, 10)])
+    verdict = newest(feed(supervisor, standing(gap_ms, gap_ms + 300)))
+    assert verdict.causes & Cause.BRANCH
+    assert verdict.latched
+    assert "while no samples came" in verdict.text
+
+
+def test_a_time_that_the_box_covers_loses_no_branch():
+    supervisor = supervisor_of("rails3")
+    feed(supervisor, standing(-STAND_MS, 0))
+    steps = feed(supervisor, standing(7, 300))  # 1 ms until the next, 1 ms of judging, 5 ms of latency
+    assert level_in_force(steps) == Level.OK
+    assert not newest(steps).latched
+
+
+@pytest.mark.parametrize(("held_ms", "lost"), [(5, True), (200, False)])
+def test_a_stop_keeps_the_branch_through_a_silence_once_its_brakes_have_acted(held_ms, lost):
+    supervisor = supervisor_of("rails3")
+    feed(supervisor, standing(-STAND_MS, 0))
+    supervisor.step(configure(0, supervisor, type2_stop=0.4, type2_warn=0.5))
+    verdict = newest(feed(supervisor, standing(1, held_ms)))
+    assert (verdict.level, verdict.latched) == (Level.STOP, True)
+    verdict = newest(feed(supervisor, standing(held_ms + 100, held_ms + 400)))
+    assert bool(verdict.causes & Cause.BRANCH) == lost
+    assert verdict.latched

@@ -77,6 +77,7 @@ class Supervisor:
         self._at: Posture | None = None  # where the last good sample was
         self._last: Moment | None = None  # the margins there
         self._judged: tuple[Margins, Margins] | None = None  # margins of the last sample, now and until standstill
+        self._stopped: tuple[int, int] | None = None  # latched stop at the last good sample: its number, since when, ns
         self._stale = False
         self._found: list[Finding] = []
         self._found_until_ns = FOREVER  # end of the findings of a rejected sample
@@ -118,6 +119,7 @@ class Supervisor:
         self._position = PositionLimits(settings, mechanism.joints)
         self._reporter = Reporter(settings, mechanism, self.robot.name)
         self._stale_ns = round(settings.stale_s * NS_PER_S)
+        self._brakes_ns = round((settings.heartbeat_s + settings.latency_s) * NS_PER_S)
 
     def _configure(self, change: Configure) -> None:
         """Take in new settings, complete and checked. Knowledge of the robot and a latched stop are kept.
@@ -281,7 +283,7 @@ class Supervisor:
         accepted = self._intake.check(sample)
         if isinstance(accepted, Rejected):
             return self._rejected(sample, accepted, report)
-        estimate = self._estimator.update(accepted, self._latch.now.level >= STOP)
+        estimate = self._estimator.update(accepted, self._was_held())
         if isinstance(estimate, Rejected):
             return self._rejected(sample, estimate, report)
         assessment = self._assess(estimate)
@@ -317,6 +319,10 @@ class Supervisor:
         if moved_freely and self._latch.now.level >= STOP:
             self._stops.begin(estimate)
             self.seen_too_rarely += late
+        if not self._latch.latched:
+            self._stopped = None
+        elif self._stopped is None or self._stopped[0] != self._latch.now.event:
+            self._stopped = self._latch.now.event, sample.seen_ns
         level = max([finding.level for finding in found]) if found else OK
         causes = _causes(found) if found else 0
         self._judged = assessment.margins, certified
@@ -325,6 +331,15 @@ class Supervisor:
             return (level, causes), None
         told = self._reporter.solved(estimate, assessment, certified, reaction, self._samples, level, causes, before)
         return (level, causes), told
+
+    def _was_held(self) -> bool:
+        """True if the stop that is latched now held the robot at the last good sample: brakes had acted. Silence alone
+        holds nobody: it is noticed when the robot may have moved."""
+        stopped, good = self._stopped, self._good
+        if stopped is None or good is None or not self._latch.latched:
+            return False
+        event, since_ns = stopped
+        return event == self._latch.now.event and good.seen_ns - since_ns >= self._brakes_ns
 
     def _in_time(self, at: Posture, estimate: Estimate, certified: Margins) -> Margins | None:
         """The margins until standstill if samples came in time, if late samples are the only reason for a stop; else
@@ -391,7 +406,8 @@ class Supervisor:
         return self._latch.bypass(wish, self.standing, self._found)
 
     def _assess(self, estimate: Estimate) -> Assessment:
-        """The posture. After a silence the branch is known if no Type 2 singularity can have been met."""
+        """The posture. After a time without samples that the last box does not cover, the branch is known if no Type 2
+        singularity can have been met."""
         silence, lost, at = estimate.silence, estimate.branch_lost, self._at
         proved = silence is not None and not lost and at is not None
         if proved and silence is not None and at is not None:

@@ -4,7 +4,6 @@ ROS."""
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -19,13 +18,10 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from irsbot_msgs_py.cdr import decode_state, decode_verdict
 from irsbot_msgs_py.process.fastdds import choose_transport
 from irsbot_msgs_py.records import SingularityState, Verdict
+from irsbot_supervisor.processes.asking import Asking
 
 STATES_DEPTH = 1000
 """A second of states at 1 kHz: the first one must not be lost while this process waits for a processor."""
-
-AGAIN_S = 1.0
-"""s without an answer after which a request is made again: the middleware may drop the answer to a new client. Every
-request of an operator may come twice: a reset names its stop, settings are values."""
 
 LATCHED = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -50,8 +46,7 @@ class Watch:
             VerdictMessage, "supervisor/verdict", lambda data: on_verdict(decode_verdict(data)), LATCHED, raw=True
         )
         self._resets = self.node.create_client(ResetStop, "supervisor/reset")
-        self._answer: Any = None  # to the last request for a reset
-        self._asked_s = 0.0
+        self._asking: Asking | None = None  # for the last reset
         self._on_first_state = on_first_state
         self._states: Any = self.node.create_subscription(
             StateMessage, "supervisor/state", self._on_state, STATES_DEPTH, raw=True
@@ -63,11 +58,10 @@ class Watch:
 
     def reset(self, event: int, operator_text: str) -> bool:
         """Request a reset of a stop; True if that was possible: the service is there, and no answer is due."""
-        waits = self._answer is not None and not self._answer.done() and time.monotonic() < self._asked_s + AGAIN_S
-        if waits or not self._resets.service_is_ready():
+        if not self._resets.service_is_ready() or not (self._asking is None or self._asking.answered()):
             return False
-        self._asked_s = time.monotonic()
-        self._answer = self._resets.call_async(ResetStop.Request(event=event, operator_text=operator_text))
+        self._asking = Asking(self._resets, ResetStop.Request(event=event, operator_text=operator_text))
+        self._asking.answered()
         return True
 
     def _on_state(self, data: bytes) -> None:

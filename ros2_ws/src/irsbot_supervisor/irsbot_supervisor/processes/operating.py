@@ -26,7 +26,8 @@ from irsbot_msgs_py.gate_status import GateOutcome, GateStatus
 from irsbot_msgs_py.process.fastdds import choose_transport
 from irsbot_msgs_py.records import Level, Verdict
 from irsbot_msgs_py.stamps import NS_PER_S
-from irsbot_supervisor.processes.listener import AGAIN_S, LATCHED
+from irsbot_supervisor.processes.asking import Asking
+from irsbot_supervisor.processes.listener import LATCHED
 
 NEWEST = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """Quality of service of the gate's status: the newest message, and all later ones."""
@@ -183,19 +184,10 @@ class Operator:
     def _call(self, kind: Any, name: str, request: Any) -> Any:
         client = self._node.create_client(kind, name)
         self._await(client.service_is_ready, f"no service {name}")
-        calls: list[Any] = []
-        due_s = 0.0
-
-        def answered() -> bool:
-            nonlocal due_s
-            if time.monotonic() >= due_s:
-                calls.append(client.call_async(request))
-                due_s = time.monotonic() + AGAIN_S
-            return any(call.done() for call in calls)
-
-        self._await(answered, f"no answer of {name}")
+        asking = Asking(client, request)
+        self._await(asking.answered, f"no answer of {name}")
         self._node.destroy_client(client)
-        return next(call.result() for call in calls if call.done())
+        return asking.answer
 
     def _await(self, done: Callable[[], bool], what: str) -> None:
         deadline = time.monotonic() + self._patience_s

@@ -29,13 +29,11 @@ from irsbot_kinematics import make_robot
 from irsbot_msgs_py.cdr import decode_verdict, encode_joint_state
 from irsbot_msgs_py.convert import state_record
 from irsbot_msgs_py.records import Floats, JointSample, Level, SingularityState, Verdict
+from irsbot_supervisor.processes.asking import Asking
 from irsbot_supervisor.processes.suite import SUPERVISOR, Node, Suite, free_domain
 
 PATIENCE_S = 120.0
 """Longest wait for anything: far more than it takes, on the slowest machine."""
-
-AGAIN_S = 2.0
-"""s without an answer after which a service is called again."""
 
 PERIOD_S = 0.002
 """s between joint states: half the rate of a fast drive leaves time for everything else that runs."""
@@ -210,18 +208,9 @@ class Cell:
         if name not in self._clients:
             self._clients[name] = self.node.create_client(kind, name)
         self.wire.until(self._clients[name].service_is_ready, f"service {name}")
-        calls: list[Any] = []
-        due_s = 0.0
-
-        def answered() -> bool:
-            nonlocal due_s
-            if time.monotonic() >= due_s:
-                calls.append(self._clients[name].call_async(request))
-                due_s = time.monotonic() + AGAIN_S
-            return any(call.done() for call in calls)
-
-        self.wire.until(answered, f"answer of {name}")
-        return next(call.result() for call in calls if call.done())
+        asking = Asking(self._clients[name], request)
+        self.wire.until(asking.answered, f"answer of {name}")
+        return asking.answer
 
     def set(self, **values: Any) -> tuple[bool, str]:
         """Set parameters in one call, as a whole; whether they were accepted, and why not."""

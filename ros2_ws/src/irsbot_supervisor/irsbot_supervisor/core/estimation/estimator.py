@@ -100,8 +100,8 @@ class Estimator:
         self._rest, self._rest_ns, self._stood_ns = memory.standstill
 
     def update(self, sample: Accepted, held: bool = False) -> Estimate | Rejected:
-        """The estimate for a sample, or the reason why the sample contradicts the earlier motion. held: a stop is in
-        force."""
+        """The estimate for a sample, or the reason why the sample contradicts the earlier motion. held: a latched stop
+        held the robot at the last sample, and holds it still."""
         last, jumps = self._last, self._jumps
         if last is None:
             return self._anew(sample, Wait(0.0, 0.0, 0.0, False, False))
@@ -134,9 +134,10 @@ class Estimator:
         if clock_set or passed > self._stale_s:
             return self._anew(sample, expected, silence=self._unseen(sample, last, held), suspicion=suspicion)
         speeds = self._observer.update(sample.stamp_ns, sample.position)
+        unseen = self._unseen(sample, last, held)
         if speeds is None:
-            return self._anew(sample, expected, HARD, suspicion=suspicion)
-        return self._keep(sample, speeds, expected, suspicion=suspicion)
+            return self._anew(sample, expected, HARD, silence=unseen, suspicion=suspicion)
+        return self._keep(sample, speeds, expected, silence=unseen, suspicion=suspicion)
 
     def in_time(self, estimate: Estimate, prediction_delay_s: float) -> Speeds:
         """The speeds as the observer would bound them if samples came as they are sent now and the joints moved as they
@@ -180,14 +181,15 @@ class Estimator:
         return Wait(longest_s + judging_s, judging_s, usual_s, interval.late, interval.rare)
 
     def _unseen(self, sample: Accepted, since: Estimate, held: bool) -> Silence | None:
-        """Region in which the joints may have been since an earlier sample; None if there was no silence.
+        """Region in which the joints may have been since an earlier sample; None if its reachable box covers the time.
 
-        The joints brake as soon as the silence is noticed. Between its two end positions, no joint was farther beyond
-        them than half of the difference between the longest possible path and their distance, unless it may have turned
-        the other way. A robot that stood at a stop stays there, except for motion at recovery speed.
+        The joints brake as soon as a silence is noticed, and not before. Between the two end positions, no joint was
+        farther beyond them than half of the difference between the longest possible path and their distance, unless it
+        may have turned the other way. A robot that a stop held stays there, except for motion at recovery speed.
         """
         passed, age_s = passed_s(sample, since), since.prediction_delay_s - since.expected_s  # the age when it came
-        if passed <= self._stale_s:
+        covered_s = since.expected_s + self._latency_s  # after the first sample nothing is expected yet
+        if passed <= (min(covered_s, self._stale_s) if since.expected_s else self._stale_s):
             return None
         free_s = age_s + min(passed, self._stale_s + self._heartbeat_s) + self._latency_s
         if held and since.standing_s >= self._stale_s:
@@ -196,7 +198,10 @@ class Estimator:
             rows = list(zip(since.position, moved, ways, errors, strict=True))
             smallest_margins = tuple([q + min(step, 0.0) - way - e for q, step, way, e in rows])
             return Silence(smallest_margins, tuple([q + max(step, 0.0) + way + e for q, step, way, e in rows]))
-        ahead, back = self._box.until_rest(since.speeds, free_s)
+        if passed <= self._stale_s:  # nobody has noticed anything
+            ahead, back = self._box.going(since.speeds, age_s + passed)
+        else:
+            ahead, back = self._box.until_rest(since.speeds, free_s)
         moved, longest = self._jumps.moved(sample.position, since.position), self._box.longest(age_s + passed)
         low, high = [], []
         joints = zip(since.position, moved, ahead, back, longest, self._turns, self._box.errors, strict=True)

@@ -53,6 +53,7 @@ def history(supervisor: Supervisor, names: tuple[str, ...]) -> History | None:
         count - len(reported),
         last.received_ns,
         last.seen_ns,
+        last.expected_s,
         *estimator.observer.speeds,
         estimator.intervals.sent_s,
         estimator.intervals.learned_ns,

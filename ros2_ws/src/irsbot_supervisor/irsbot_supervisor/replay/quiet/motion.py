@@ -47,6 +47,7 @@ class History(NamedTuple):
     reported: int  # and that the comparison with reported velocities keeps
     received_ns: int  # of the last row
     seen_ns: int
+    expected_s: float  # s, when the sample after the last row was expected to be judged
     forward: tuple[float, ...]
     backward: tuple[float, ...]
     sent_s: float
@@ -134,6 +135,8 @@ class MotionColumns:
         reported = kept_from(stamps, row, self._reported_ns, history.reported)
         self._compare(stamps, positions, velocities, row, reported, forward, backward, regular)
         expected, since, longest = self._expected(block.seen_ns, passed, stamped, history)
+        covered = np.concatenate([[history.expected_s], expected[:-1]]) + settings.latency_s
+        regular &= passed <= covered  # else the branch has to be proved
         delay = expected + age / NS_PER_S
         up, down = speeds = _raised(forward, backward, suspected)
         ahead = self._until_rest(up, delay + settings.latency_s) + self._box_errors

@@ -24,14 +24,11 @@ from rclpy.task import Future
 from irsbot_msgs_py.cdr import decode_state, decode_verdict
 from irsbot_msgs_py.process.fastdds import choose_transport
 from irsbot_msgs_py.records import Level, SingularityState, Verdict
+from irsbot_supervisor.processes.asking import Asking
 from irsbot_supervisor.processes.suite import Suite, SuiteError
 
 PATIENCE_S = 60.0
 """s: longest wait for an event that must come: far more than it takes, also on a busy machine."""
-
-AGAIN_S = 1.0
-"""s without an answer after which a request is made again: far longer than a node takes to answer one."""
-
 LATCHED = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 ANSWERS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 """Depth of the queue of answers: a client receives the answers to all clients of its service, and selects its own."""
@@ -107,21 +104,10 @@ class Tester:
         return client
 
     def ask_again(self, client: Any, request: Any) -> Any:
-        """The answer of a service that may be called twice: it is called until one call is answered. The middleware
-        drops the answers to a client that the server has not discovered completely, and the client cannot see when it
-        has."""
-        calls: list[Any] = []
-        due_s = 0.0
-
-        def answered() -> bool:
-            nonlocal due_s
-            if time.monotonic() >= due_s:
-                calls.append(client.call_async(request))
-                due_s = time.monotonic() + AGAIN_S
-            return any(call.done() for call in calls)
-
-        self.until(answered, f"an answer of {client.service_name}")
-        return next(call.result() for call in calls if call.done())
+        """The answer of a service that may be called twice: it is called until an answer comes."""
+        asking = Asking(client, request)
+        self.until(asking.answered, f"an answer of {client.service_name}")
+        return asking.answer
 
     def ask(self, client: Any, request: Any) -> Any:
         """Call a service; returns its answer."""
