@@ -64,13 +64,28 @@ def test_a_supervisor_that_has_only_seen_bad_samples_knows_nothing(make):
 
 
 def test_repeated_and_overtaken_samples_neither_help_nor_harm():
+    """As long as a newer one may still come: 1 ms until the next, 1 ms of judging."""
     supervisor, q = ready()
-    for ms in range(40):
-        step = supervisor.step(sample(ms, q, age_ms=ms + 5.0))
+    for ms in (0.0, 0.3, 1.0, 1.5, 2.9):  # the last good sample came at -1 ms
+        step = supervisor.step(sample(min(ms, 1.0), q, age_ms=5.0))
         assert step.state.level == Level.UNKNOWN  # nothing follows from this sample ...
         assert step.state.causes == Cause.STAMP
         assert step.verdict is None or step.verdict.level == Level.OK  # ... and the one before still counts
-    assert level_in_force(feed(supervisor, [tick(ms) for ms in range(40, 60)])) == Level.UNKNOWN
+    assert level_in_force(feed(supervisor, [tick(1.0), *resting(1, 60, q)])) == Level.OK
+
+
+@pytest.mark.parametrize("ahead_ms", [45.0, 19.0], ids=["sender's clock set back", "one stamp ahead"])
+def test_samples_that_are_all_older_than_the_last_one_are_not_ok(ahead_ms):
+    """Nobody judges how the robot moves meanwhile, although samples come all the time."""
+    supervisor, q = ready()
+    first = sample(0.0, q) if ahead_ms > 20.0 else sample(0.0, q, age_ms=-ahead_ms)
+    back_ms = ahead_ms if ahead_ms > 20.0 else 0.0
+    steps = feed(supervisor, [first, *(sample(ms, q, age_ms=back_ms) for ms in range(1, 19))])
+    began = expectation(steps)[0]
+    assert (began.level, began.causes) == (Level.UNKNOWN, Cause.STAMP)
+    assert (began.since_ns - STEADY_NS) / MS <= 3.0  # 2 ms are allowed, and samples come every millisecond
+    assert "no newer one has come" in newest(steps).text
+    assert level_in_force(feed(supervisor, resting(50, 400, q))) == Level.OK
 
 
 @pytest.mark.parametrize("phase_ms", [0.0, 0.3, 7.7])
@@ -193,7 +208,8 @@ def test_a_driver_that_sends_its_last_message_again_and_again_is_silent():
     steps = feed(supervisor, [last])
     steps += feed(supervisor, [sample(ms, q, age_ms=ms) for ms in range(1, 190)])
     assert {one.level for one in expectation(steps)} == {Level.UNKNOWN}
-    assert expectation(steps)[0].causes == Cause.STALE
+    assert expectation(steps)[0].causes == Cause.STAMP
+    assert expectation(steps)[-1].causes & Cause.STALE
 
 
 def test_velocities_that_are_missing_are_a_warning_once_they_can_be_derived():

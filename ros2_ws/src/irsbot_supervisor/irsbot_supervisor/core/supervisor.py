@@ -356,12 +356,22 @@ class Supervisor:
         self, sample: JointSample, why: Rejected, report: bool
     ) -> tuple[tuple[Level, int], SingularityState | None]:
         self.rejections[why.cause] = self.rejections.get(why.cause, 0) + 1
-        if not why.harmless:
+        overdue = self._overdue(sample.seen_ns) if why.harmless else ""
+        if overdue or not why.harmless:
             self._found_until_ns = sample.seen_ns + self._stale_ns
-            self._found = [Finding(why.cause, Level.UNKNOWN, nan, nan, "", why.text)]
+            self._found = [Finding(why.cause, Level.UNKNOWN, nan, nan, "", why.text + overdue)]
             self._hold(sample.seen_ns)
         told = self._reporter.rejected(sample, self._samples, why.cause) if report else None
         return (Level.UNKNOWN, why.cause), told
+
+    def _overdue(self, seen_ns: int) -> str:
+        """Why a sample that is not newer than the last good one is not harmless: a newer one should have been judged by
+        now. Empty if it is harmless."""
+        good = self._good
+        if good is None or not good.expected_s or seen_ns - good.seen_ns <= round(good.expected_s * NS_PER_S):
+            return ""
+        since_ms, due_ms = (seen_ns - good.seen_ns) / NS_PER_S * 1e3, good.expected_s * 1e3
+        return f"; no newer one has come for {since_ms:.1f} ms, one is expected within {due_ms:.1f} ms"
 
     def _restart(self, restart: Restart) -> None:
         """Take in a restart: a stop of the previous supervisor may have been in force, and the branch may have changed
