@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import inf, nan
+from math import inf, nan, tau
 
 import numpy as np
 import pytest
@@ -44,6 +44,18 @@ def test_inside_is_ok_and_outside_is_a_latched_stop_that_ends_by_a_reset_inside(
     )
     feed(supervisor, resting(1302, 1600, q))
     assert supervisor.step(reset(1600, verdict.event)).refusal == ""
+
+
+@pytest.mark.parametrize(("ranges", "known"), [({}, True), (RANGES, False)], ids=["no range", "a range"])
+def test_a_reading_that_jumps_by_a_turn_is_wrong_where_the_joint_has_a_range(ranges, known):
+    """Without a range an angle may be read modulo a turn; with one, the range would count from the wrong turn."""
+    supervisor, q = ready(pose=MIDDLE, **ranges)
+    turned = (q[0] - tau, q[1])
+    steps = feed(supervisor, resting(0, 400, turned))
+    newest = [step.verdict for step in steps if step.verdict is not None][-1]
+    assert (newest.level == Level.OK) == known
+    assert known or newest.causes & (Cause.IMPLAUSIBLE | Cause.BRANCH)
+    assert all(step.verdict.level != Level.OK for step in steps[20:] if step.verdict is not None) or known
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

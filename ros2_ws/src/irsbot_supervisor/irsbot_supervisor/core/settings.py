@@ -84,10 +84,18 @@ class Settings:
         "rad/s2 or m/s2", "least deceleration of each joint when braking", 1e-6, 1e6
     )
     position_lower: tuple[float, ...] = _each_joint(
-        "rad or m", "lowest position of each joint; -1e6: no limit", -UNLIMITED, UNLIMITED, optional=True
+        "rad or m",
+        "lowest position of each joint, whose reading then may not wrap; -1e6: no limit",
+        -UNLIMITED,
+        UNLIMITED,
+        optional=True,
     )
     position_upper: tuple[float, ...] = _each_joint(
-        "rad or m", "highest position of each joint; 1e6: no limit", -UNLIMITED, UNLIMITED, optional=True
+        "rad or m",
+        "highest position of each joint, whose reading then may not wrap; 1e6: no limit",
+        -UNLIMITED,
+        UNLIMITED,
+        optional=True,
     )
     velocity_tolerance: tuple[float, ...] = _each_joint(
         "rad/s or m/s", "largest error of reported velocities; 10000: not used", 0.0, UNTRUSTED, optional=True

@@ -6,13 +6,13 @@ rejected. A joint with a large jump has to return. If it stays at the new positi
 
 from __future__ import annotations
 
-from math import remainder
+from math import inf, remainder
 
 from irsbot_kinematics.mechanism import Coordinate
 from irsbot_msgs_py.records import Floats
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.core.estimation.estimate import Estimate
-from irsbot_supervisor.core.settings import OVERSPEED, Settings
+from irsbot_supervisor.core.settings import OVERSPEED, UNLIMITED, Settings
 from irsbot_supervisor.core.validation import Accepted
 
 ASTRAY = 2.0
@@ -24,7 +24,7 @@ class Jumps:
     """Remembers where a joint jumped until it comes back."""
 
     def __init__(self, settings: Settings, joints: tuple[Coordinate, ...]) -> None:
-        self._turns = tuple(joint.turn for joint in joints)
+        self._joints = joints
         self._units = tuple(joint.unit for joint in joints)
         self._astray: Accepted | None = None
         self.configure(settings)
@@ -32,6 +32,11 @@ class Jumps:
     def configure(self, settings: Settings) -> None:
         """Take in new limits; a joint that jumped is still away."""
         self._names = settings.joint_names
+        ranges = zip(self._joints, settings.position_lower, settings.position_upper, strict=True)
+        # Where a joint has a range, its turns are counted: a reading that jumps by one is wrong.
+        self._turns = tuple(
+            [inf if lower > -UNLIMITED or upper < UNLIMITED else joint.turn for joint, lower, upper in ranges]
+        )
         self._fastest = tuple(OVERSPEED * speed for speed in settings.velocity_limit)
         self._errors = tuple(
             [settings.encoder_resolution + 2.0 * settings.stamp_jitter_s * v for v in settings.velocity_limit]
@@ -47,7 +52,7 @@ class Jumps:
         self._astray = None
 
     def moved(self, now: Floats, before: Floats) -> Floats:
-        """rad or m from one position to another, angles modulo a turn."""
+        """rad or m from one position to another; angles modulo a turn, unless the joint has a range."""
         return tuple([remainder(q - then, turn) for q, then, turn in zip(now, before, self._turns, strict=True)])
 
     def too_far(self, moved: Floats, span_s: float) -> str:
