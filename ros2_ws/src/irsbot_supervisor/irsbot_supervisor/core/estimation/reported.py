@@ -42,6 +42,9 @@ class Reported:
         self._trust = min(settings.velocity_tolerance) < UNTRUSTED
         slow = settings.standstill_speed
         self._tolerances = settings.velocity_tolerance if self._trust else (slow,) * len(self._names)
+        # A velocity is true when it is read: at the stamp, up to tau away, it may be a tau more.
+        at_stamp = zip(self._tolerances, self._gains, strict=True)
+        self._trusted = tuple([tolerance + gain * settings.stamp_jitter_s for tolerance, gain in at_stamp])
         errors = stamped_errors(settings)
         self._errors = tuple([2.0 * error for error in errors])
         self._window_ns = max(
@@ -101,10 +104,11 @@ class Reported:
         return Velocities(tuple(rates), fault)
 
     def trusted(self, sample: Accepted, found: Velocities, speeds: Speeds) -> Speeds:
-        """Bounds narrowed by the reported velocities, as far as the setting `velocity_tolerance` allows."""
+        """Bounds narrowed by the reported velocities, as far as the setting `velocity_tolerance` and the error of
+        a stamp allow."""
         if not self._trust or found.fault or not sample.velocity:
             return speeds
-        joints = list(zip(sample.velocity, self._tolerances, strict=True))
+        joints = list(zip(sample.velocity, self._trusted, strict=True))
         return Speeds(
             tuple([min(most, max(rate + e, 0.0)) for most, (rate, e) in zip(speeds.forward, joints, strict=True)]),
             tuple([min(most, max(e - rate, 0.0)) for most, (rate, e) in zip(speeds.backward, joints, strict=True)]),
