@@ -161,6 +161,44 @@ def test_a_time_without_samples_in_which_type_2_can_be_met_loses_the_branch_of_a
     assert "while no samples came" in verdict.text
 
 
+def fails(*_arguments: object) -> None:
+    raise ArithmeticError("a fake error of the mechanism")
+
+
+@pytest.mark.parametrize("times_ms", [(60,), (20, 40, 60), (1, 2, 3)], ids=["one late sample", "rare samples", "early"])
+def test_an_error_inside_hides_no_time_without_samples(times_ms, monkeypatch):
+    """Samples whose posture was not judged end no silence."""
+    supervisor = supervisor_of("rails3")
+    feed(supervisor, standing(-STAND_MS, 0))
+    names = supervisor.settings.joint_names
+    with monkeypatch.context() as broken:
+        broken.setattr(type(supervisor.robot.mechanism), "posture", fails)
+        broken.setattr(type(supervisor.robot.mechanism), "track", fails)
+        for ms in times_ms:
+            with pytest.raises(ArithmeticError) as error:
+                supervisor.step(sample(ms, FREE, names=names))
+            supervisor.fail(sample(ms, FREE, names=names).seen_ns, error.value)
+    steps = feed(supervisor, standing(times_ms[-1] + 1, times_ms[-1] + 300))
+    assert bool(newest(steps).causes & Cause.BRANCH) == (times_ms[-1] > 7), newest(steps).text
+    assert times_ms[-1] > 7 or level_in_force(steps) == Level.OK
+
+
+def test_a_jump_stays_known_if_an_error_comes_before_its_posture(monkeypatch):
+    supervisor = supervisor_of("rails3")
+    feed(supervisor, standing(-STAND_MS, 0))
+    names, aside = supervisor.settings.joint_names, tuple(q - 0.05 * u for q, u in zip(FREE, TOWARDS, strict=True))
+    supervisor.step(sample(1, aside, names=names))
+    with monkeypatch.context() as broken:
+        broken.setattr(type(supervisor.robot.mechanism), "posture", fails)
+        broken.setattr(type(supervisor.robot.mechanism), "track", fails)
+        with pytest.raises(ArithmeticError) as error:
+            supervisor.step(sample(60, aside, names=names))
+        supervisor.fail(sample(60, aside, names=names).seen_ns, error.value)
+    verdict = newest(feed(supervisor, [sample(ms, aside, names=names) for ms in range(61, 300)]))
+    assert verdict.causes & Cause.BRANCH
+    assert "jumped" in verdict.text
+
+
 def test_a_time_that_the_box_covers_loses_no_branch():
     supervisor = supervisor_of("rails3")
     feed(supervisor, standing(-STAND_MS, 0))

@@ -283,7 +283,7 @@ class Supervisor:
         accepted = self._intake.check(sample)
         if isinstance(accepted, Rejected):
             return self._rejected(sample, accepted, report)
-        estimate = self._estimator.update(accepted, self._was_held())
+        estimate = self._estimator.update(accepted, self._was_held(), followed=self._good)
         if isinstance(estimate, Rejected):
             return self._rejected(sample, estimate, report)
         assessment = self._assess(estimate)
@@ -419,7 +419,7 @@ class Supervisor:
         """The posture. After a time without samples that the last box does not cover, the branch is known if no Type 2
         singularity can have been met."""
         silence, lost, at = estimate.silence, estimate.branch_lost, self._at
-        proved = silence is not None and not lost and at is not None
+        proved = silence is not None and not lost and at is not None and not self._assessor.lost
         if proved and silence is not None and at is not None:
             certified = self._bounds.least(at, silence.low, silence.high, APART, cuts_of(self.robot.mechanism))
             if not certified[1] >= LEAST_LIMIT:

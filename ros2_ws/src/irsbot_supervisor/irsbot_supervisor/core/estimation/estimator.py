@@ -99,9 +99,10 @@ class Estimator:
         self._frozen.still = memory.still
         self._rest, self._rest_ns, self._stood_ns = memory.standstill
 
-    def update(self, sample: Accepted, held: bool = False) -> Estimate | Rejected:
-        """The estimate for a sample, or the reason why the sample contradicts the earlier motion. held: a latched stop
-        held the robot at the last sample, and holds it still."""
+    def update(self, sample: Accepted, held: bool = False, followed: Estimate | None = None) -> Estimate | Rejected:
+        """The estimate for a sample, or the reason why the sample contradicts the earlier motion. followed: the last
+        estimate of which the posture was judged, if it is not the last one; a silence is counted from there. held: a
+        latched stop held the robot then, and holds it still."""
         last, jumps = self._last, self._jumps
         if last is None:
             return self._anew(sample, Wait(0.0, 0.0, 0.0, False, False))
@@ -115,13 +116,16 @@ class Estimator:
         span = passed if clock_set else max(passed, stamped)
         moved = jumps.moved(sample.position, last.position)
         too_far = jumps.too_far(moved, span)
+        unseen = self._unseen(sample, followed or last, held)
         if too_far and not jumps.away and self._last_was_wrong(sample):
             assert self._before is not None
             self._wrong_ns = sample.seen_ns
             expected = self._expected(sample, passed, passed)
             self._observer.without_last(self._before.speeds)
             speeds = self._observer.update(sample.stamp_ns, sample.position)
-            return self._anew(sample, expected, HARD) if speeds is None else self._keep(sample, speeds, expected, HARD)
+            if speeds is None:
+                return self._anew(sample, expected, HARD, silence=unseen)
+            return self._keep(sample, speeds, expected, HARD, silence=unseen)
         if fault := jumps.fault(sample, last, moved, too_far, span):
             if passed > self._stale_s:  # not a glitch: the joint stays there
                 return self._anew(sample, self._expected(sample, passed, passed), branch_lost=JUMPED)
@@ -132,9 +136,8 @@ class Estimator:
             return Rejected(Cause.IMPLAUSIBLE, suspicion.fault)
         expected = self._expected(sample, passed, sent)
         if clock_set or passed > self._stale_s:
-            return self._anew(sample, expected, silence=self._unseen(sample, last, held), suspicion=suspicion)
+            return self._anew(sample, expected, silence=unseen, suspicion=suspicion)
         speeds = self._observer.update(sample.stamp_ns, sample.position)
-        unseen = self._unseen(sample, last, held)
         if speeds is None:
             return self._anew(sample, expected, HARD, silence=unseen, suspicion=suspicion)
         return self._keep(sample, speeds, expected, silence=unseen, suspicion=suspicion)
