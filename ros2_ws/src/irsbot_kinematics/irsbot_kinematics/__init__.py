@@ -18,6 +18,7 @@ from irsbot_kinematics.errors import (
     InvalidGeometry,
     KinematicsError,
     NotAssembled,
+    NotCompiled,
     UnknownRobot,
     Unreachable,
 )
@@ -40,6 +41,7 @@ __all__ = [
     "LoopResult",
     "Mechanism",
     "NotAssembled",
+    "NotCompiled",
     "Posture",
     "Robot",
     "Status",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import reduce
 from typing import NamedTuple
@@ -63,12 +63,22 @@ class Evaluations:
     reaction_max: Array
 
 
+Load = tuple[float, float]
+"""Largest force, N, and moment, N m, of any direction."""
+
+Fill = Callable[[Array, Evaluations], None]
+"""Fills evaluations of joints (N, n) in one assembly mode, without a load."""
+
+
 def evaluate_many(
-    mechanism: Mechanism, joints: Array, assembly: int, load: tuple[float, float] | None = None
+    mechanism: Mechanism, joints: Array, assembly: int, load: Load | None = None, fill: Fill | None = None
 ) -> Evaluations:
-    """Poses and margins of joints (N, n) in one assembly mode. load: largest force, N, and moment, N m, of any
-    direction."""
+    """Poses and margins of joints (N, n) in one assembly mode. fill: the same equations in another form, for use where
+    no load is given."""
     result = _blank(mechanism, joints, assembly, load)
+    if fill is not None and load is None:
+        fill(joints, result)
+        return result
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         for rows in _chunks(len(joints)):
             _evaluate(_solve(mechanism, joints[rows], assembly), result, rows, load)
@@ -76,7 +86,7 @@ def evaluate_many(
 
 
 def evaluate_motion(
-    mechanism: Mechanism, joints: Array, first: Posture | None, load: tuple[float, float] | None = None
+    mechanism: Mechanism, joints: Array, first: Posture | None, load: Load | None = None
 ) -> Evaluations:
     """Poses and margins of joints (N, n), followed one after the other on the branch of the first posture.
 
@@ -104,7 +114,7 @@ def evaluate_motion(
     return result
 
 
-def _blank(mechanism: Mechanism, joints: Array, assembly: int, load: tuple[float, float] | None) -> Evaluations:
+def _blank(mechanism: Mechanism, joints: Array, assembly: int, load: Load | None) -> Evaluations:
     """Evaluations that `_evaluate` is to fill, but for NaN in what a mechanism need not have."""
     number, n = joints.shape
     return Evaluations(
@@ -124,7 +134,7 @@ def _blank(mechanism: Mechanism, joints: Array, assembly: int, load: tuple[float
     )
 
 
-def _evaluate(found: _Solved, out: Evaluations, rows: slice, load: tuple[float, float] | None) -> None:
+def _evaluate(found: _Solved, out: Evaluations, rows: slice, load: Load | None) -> None:
     pose, legs = found.pose, found.legs
     _, cosines = statics.pressure_cosines(ARRAYS, legs.screws, legs.attachments)
     alike = cosines[-1] is cosines[0]  # both legs of a planar pair

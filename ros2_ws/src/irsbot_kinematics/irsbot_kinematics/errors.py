@@ -27,6 +27,10 @@ class BadInput(KinematicsError, ValueError):
     """Wrong length, not finite, or a mode that the robot does not have."""
 
 
+class NotCompiled(KinematicsError, RuntimeError):
+    """Equations of which no machine code can be made here: there is no compiler, or they are not in closed form."""
+
+
 class Unreachable(KinematicsError):
     """A pose outside the workspace of a working mode.
 

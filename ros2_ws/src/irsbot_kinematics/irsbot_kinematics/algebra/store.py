@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import pickle
 import tempfile
 from collections.abc import Callable
@@ -11,6 +10,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from irsbot_kinematics.algebra.model.system import System
+from irsbot_kinematics.cache import cache_folder
 
 Progress = Callable[[str, int, int], None]
 """Progress callback: task, done, total."""
@@ -19,15 +19,6 @@ Result = TypeVar("Result")
 
 VERSION = "1"
 """Version of the stored form; results of other versions are computed anew."""
-
-
-def folder() -> Path:
-    """Folder of the cache: $IRSBOT_CACHE, else $XDG_CACHE_HOME/irsbot/algebra, else ~/.cache/irsbot/algebra."""
-    stated = os.environ.get("IRSBOT_CACHE")
-    if stated:
-        return Path(stated)
-    base = os.environ.get("XDG_CACHE_HOME")
-    return (Path(base) if base else Path.home() / ".cache") / "irsbot" / "algebra"
 
 
 def content_hash(system: System, key: Any) -> str:
@@ -43,7 +34,7 @@ def stored_result(system: System, key: Any, kind: type[Result], work: Callable[[
     """The result of `work`, from the cache if it is there. A cache that cannot be read or written is not an error."""
     if not use:
         return work()
-    path = folder() / f"{content_hash(system, key)}.pickle"
+    path = cache_folder("algebra") / f"{content_hash(system, key)}.pickle"
     try:
         found = pickle.loads(path.read_bytes())
         if isinstance(found, kind):

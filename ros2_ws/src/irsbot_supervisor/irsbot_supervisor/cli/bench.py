@@ -134,10 +134,13 @@ def _tables(measured: Measured) -> list[Table]:
             table.add_row(result.robot, *[f"{taken:.1f}" for taken in times])
         tables.append(table)
     if measured.batch is not None:
-        table = Table("Msamples/s", "bytes per sample", "copy [GB/s]", "share of copy", title="batch")
+        columns = ("numpy [Msamples/s]", "machine code", "bytes per sample", "copy [GB/s]", "share of copy")
+        table = Table(*columns, title="batch")
         found = measured.batch
         rate, copied = found.samples_per_s * 1e-6, found.copied_bytes_per_s * 1e-9
-        table.add_row(f"{rate:.2f}", f"{found.bytes_per_sample:.0f}", f"{copied:.1f}", f"{found.share_of_copy:.1%}")
+        compiled = "no compiler" if (fast := found.compiled_samples_per_s) is None else f"{fast * 1e-6:.2f}"
+        size, share = f"{found.bytes_per_sample:.0f}", f"{found.share_of_copy:.1%}"
+        table.add_row(f"{rate:.2f}", compiled, size, f"{copied:.1f}", share)
         tables.append(table)
     if measured.offline is not None:
         table = Table(

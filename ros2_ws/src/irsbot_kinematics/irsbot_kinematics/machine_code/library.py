@@ -1,0 +1,86 @@
+"""Has the C source of a mechanism compiled, keeps the result on disk, and calls it."""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import os
+import platform
+import shlex
+import subprocess
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from irsbot_kinematics.batch import Evaluations
+from irsbot_kinematics.cache import cache_folder
+from irsbot_kinematics.errors import NotCompiled
+from irsbot_kinematics.machine_code.source import ARRAYS, c_source
+from irsbot_kinematics.machine_code.symbols import NoClosedForm
+from irsbot_kinematics.mechanism import Mechanism
+from irsbot_kinematics.numerics.arithmetic import Array
+
+OPTIONS = ("-O3", "-std=gnu11", "-shared", "-fPIC", "-fopenmp-simd", "-ffp-contract=off")
+"""No product is fused with a sum: results differ from those of numpy in the elementary functions alone."""
+
+VECTORS = ("-fno-math-errno", "-fno-trapping-math", "-fno-builtin-sin", "-fno-builtin-cos")
+"""Nobody reads errno or the flags of floating point. Sine and cosine as one function have no vector form."""
+
+
+class MachineCode:
+    """Compiled equations of a mechanism in one assembly mode."""
+
+    def __init__(self, library: Path) -> None:
+        """Raises NotCompiled."""
+        try:
+            self._call = ctypes.CDLL(str(library)).evaluate
+        except OSError as error:
+            raise NotCompiled(f"{library} cannot be loaded ({error}): delete it") from error
+        self._call.restype = None
+
+    def evaluate(self, joints: Array, out: Evaluations) -> None:
+        """Fill evaluations of joints (N, n), as `batch.evaluate_many` does without a load."""
+        rows = np.ascontiguousarray(joints, dtype=float)
+        arrays = [rows, *[getattr(out, name) for name in ARRAYS]]
+        self._call(ctypes.c_int64(len(rows)), *[ctypes.c_void_p(array.ctypes.data) for array in arrays])
+
+
+def compiled(mechanism: Mechanism, assembly: int) -> MachineCode:
+    """The equations of a mechanism in one assembly mode as machine code. Raises NotCompiled."""
+    try:
+        return MachineCode(built(c_source(mechanism, assembly)))
+    except NoClosedForm as error:
+        raise NotCompiled(f"the equations of {mechanism.kind} are not in closed form") from error
+
+
+def built(text: str) -> Path:
+    """The library of a C source, from the cache if it is there. Raises NotCompiled."""
+    glibc = platform.machine() == "x86_64" and platform.libc_ver()[0] == "glibc"
+    libraries = ("-lmvec", "-lm") if glibc else ("-lm",)
+    command = [*shlex.split(os.environ.get("CC", "cc")), *OPTIONS, *VECTORS]
+    key = hashlib.sha256("\0".join([text, *command, *libraries, platform.machine()]).encode()).hexdigest()[:32]
+    library = cache_folder("machine_code") / f"{key}.so"
+    if not library.exists():
+        _compile(text, command, libraries, library)
+    return library
+
+
+def _compile(text: str, command: list[str], libraries: tuple[str, ...], library: Path) -> None:
+    """Compile C source to a library. It is there completely or not at all."""
+    try:
+        library.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=library.parent) as folder:
+            made = Path(folder) / library.name
+            source = Path(folder) / "evaluate.c"
+            source.write_text(text)
+            done = subprocess.run(
+                [*command, "-o", str(made), str(source), *libraries], capture_output=True, text=True, check=False
+            )
+            if done.returncode:
+                raise NotCompiled(f"the compiler failed: {shlex.join(done.args)}\n{done.stderr.strip()}")
+            made.replace(library)
+    except FileNotFoundError as error:
+        raise NotCompiled(f"no C compiler: '{command[0]}' was not found; install gcc, or name one in CC") from error
+    except OSError as error:
+        raise NotCompiled(f"the machine code cannot be kept in {library.parent}: {error}") from error
