@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from math import acos, remainder
 from pathlib import Path
 from typing import Any
@@ -16,8 +15,6 @@ from irsbot_kinematics import arguments, batch, statics
 from irsbot_kinematics.batch import Evaluations
 from irsbot_kinematics.description.robot_file import RobotFile, preset_names, read_robot
 from irsbot_kinematics.errors import BadInput, NotAssembled, Unreachable
-from irsbot_kinematics.machine_code.library import MachineCode
-from irsbot_kinematics.machine_code.library import compiled as machine_code
 from irsbot_kinematics.mechanism import Cuspidal, Floats, Legs, Mechanism, Posture, Status
 from irsbot_kinematics.numerics.arithmetic import FLOATS, Array
 from irsbot_kinematics.numerics.tolerances import REACH_TOL_M
@@ -46,7 +43,7 @@ class Robot:
         self.name = name or mechanism.kind
         self.description = description
         self.supervision = dict(supervision or {})
-        self._machine_code: dict[int, MachineCode] = {}  # by assembly mode
+        self._machine_code: dict[int, batch.Fill] = {}  # by assembly mode
 
     def compile(self) -> None:
         """Let `evaluate_many` of this object run on machine code, several times as fast; with a load or a start it does
@@ -57,10 +54,10 @@ class Robot:
         copy of the robot, also in another process, is not compiled. Raises NotCompiled without a compiler, and for a
         mechanism without equations in closed form.
         """
-        modes = self.mechanism.assembly_modes
-        with ThreadPoolExecutor() as pool:
-            code = pool.map(lambda mode: machine_code(self.mechanism, mode), modes)
-            self._machine_code = dict(zip(modes, code, strict=True))
+        from irsbot_kinematics.machine_code.library import compiled  # not for nodes, which are to start at once
+
+        codes = {mode: compiled(self.mechanism, mode) for mode in self.mechanism.assembly_modes}
+        self._machine_code = {mode: code.evaluate for mode, code in codes.items()}
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_machine_code": {}}  # a library of this process
@@ -219,8 +216,7 @@ class Robot:
                 LabelsVary,
                 stacklevel=2,
             )
-        code = self._machine_code.get(assembly)
-        return batch.evaluate_many(self.mechanism, Q, assembly, asked, code.evaluate if code else None)
+        return batch.evaluate_many(self.mechanism, Q, assembly, asked, self._machine_code.get(assembly))
 
     def inverse_many(
         self, poses: ArrayLike, working_mode: str | Sequence[int] | None = None
