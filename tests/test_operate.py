@@ -93,9 +93,8 @@ def test_a_stopped_robot_is_led_out_along_its_escape_direction_and_reset(tmp_pat
         while not (stop := operator.verdict()).escape_direction:
             assert time.monotonic() < end_s, stop
         assert stop.escape_cause & Cause.CONSTRAINT
-        while "the verdict, UNKNOWN" in (done := irsbot(number, "send", "escape", "--seconds", 20)).stderr:
-            assert time.monotonic() < end_s, done.stderr  # a sample was late, on a busy machine
-        assert done.returncode == 0, done.stderr
+        while (done := irsbot(number, "send", "escape", "--seconds", 20)).returncode:
+            assert time.monotonic() < end_s, done.stderr  # samples are late on a busy machine: another stop, or no room
         assert re.match(r"passed, at most: -?0\.\d+ ", done.stdout)
         end_s = time.monotonic() + PATIENCE_S
         while not (answer := operator.reset(operator.verdict().event, "test: led out")).accepted:

@@ -104,7 +104,7 @@ def demo(
     except KeyboardInterrupt:
         interrupted = True
     if not bag.exists():
-        raise Failed("ended before anything was recorded")
+        raise Failed(f"{'interrupted' if interrupted else 'ended'} before anything was recorded")
     from irsbot_supervisor.plots.run import draw_run  # matplotlib takes a second to load
 
     try:

@@ -178,7 +178,7 @@ def trajectory(
     if as_json:
         print_json({"sent": len(times), "let_through": len(passed.points)})
     if len(passed.points) <= 1 < len(times):
-        raise Failed(f"nothing passed the gate: {operator.held}; see `irsbot check-trajectory` and `irsbot verdict`")
+        raise Failed(f"{_nothing_passed(operator.held)}; see `irsbot check-trajectory` and `irsbot verdict`")
     if not as_json:
         out.print(f"the gate let {len(passed.points)} points through, of {len(times)}")
 
@@ -210,9 +210,14 @@ def _tell_passed(sent: Sequence[float], passed: Sequence[Sequence[float]], held:
     if as_json:
         print_json({"sent": sent, "let_through": len(passed), "largest": largest})
     if any(sent) and not any(largest):
-        raise Failed(f"nothing passed the gate: {held}; see `irsbot verdict`")
+        raise Failed(f"{_nothing_passed(held)}; see `irsbot verdict`")
     if not as_json:
         out.print(f"passed, at most: {' '.join(f'{value:g}' for value in largest)}")
+
+
+def _nothing_passed(held: str) -> str:
+    """held: why the gate held the robot; empty if it was asked nothing, because a way out was gone at once."""
+    return f"nothing passed the gate: {held}" if held else "nothing was sent to the gate"
 
 
 def _done(answer: Answer, text: str, as_json: bool) -> None:
