@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 import irsbot_kinematics as irs
+from irsbot_kinematics.machine_code import library
 from irsbot_kinematics.machine_code.library import MachineCode, built, compiled
 from irsbot_kinematics.machine_code.source import RESULTS, c_source, c_text
 from irsbot_kinematics.machine_code.symbols import NoClosedForm, Program
@@ -126,6 +127,22 @@ def test_blocks_that_are_not_full_are_evaluated_to_their_end():
         np.testing.assert_array_equal(some.status, all_of_them.status[:number])
     every_other = robot.evaluate_many(Q[::2])  # rows that do not lie one after the other
     np.testing.assert_array_equal(every_other.type2_margin, all_of_them.type2_margin[::2])
+
+
+def test_threads_share_the_samples_and_give_the_same_results(monkeypatch):
+    monkeypatch.setattr(library, "PART", 100)
+    one, three = irs.make_robot("five_bar"), irs.make_robot("five_bar")
+    Q = joints_of(one, 1234)
+    one.compile()
+    three.compile(threads=3)
+    for number in (0, 1, 100, 1234):
+        expected, found = one.evaluate_many(Q[:number]), three.evaluate_many(Q[:number])
+        np.testing.assert_array_equal(found.status, expected.status)
+        np.testing.assert_array_equal(found.pose, expected.pose)
+        np.testing.assert_array_equal(found.pressure_angle, expected.pressure_angle)
+    for wrong in (0, -1, 1.5, "two", nan):
+        with pytest.raises(irs.BadInput, match="threads"):
+            one.compile(threads=wrong)
 
 
 def test_a_load_and_a_start_are_evaluated_as_before():

@@ -9,6 +9,8 @@ import platform
 import shlex
 import subprocess
 import tempfile
+from collections import deque
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -28,28 +30,41 @@ VECTORS = ("-fno-math-errno", "-fno-trapping-math", "-fno-builtin-sin", "-fno-bu
 """Nobody reads errno or the flags of floating point. Sine and cosine as one function have no vector form."""
 
 
+PART = 65536
+"""Samples of one call: a thread has enough to do, and all threads end at about the same time."""
+
+
 class MachineCode:
     """Compiled equations of a mechanism in one assembly mode."""
 
-    def __init__(self, library: Path) -> None:
+    def __init__(self, library: Path, threads: int = 1) -> None:
         """Raises NotCompiled."""
         try:
             self._call = ctypes.CDLL(str(library)).evaluate
         except OSError as error:
             raise NotCompiled(f"{library} cannot be loaded ({error}): delete it") from error
         self._call.restype = None
+        self._threads = threads
 
     def evaluate(self, joints: Array, out: Evaluations) -> None:
         """Fill evaluations of joints (N, n), as `batch.evaluate_many` does without a load."""
-        rows = np.ascontiguousarray(joints, dtype=float)
-        arrays = [rows, *[getattr(out, name) for name in ARRAYS]]
-        self._call(ctypes.c_int64(len(rows)), *[ctypes.c_void_p(array.ctypes.data) for array in arrays])
+        arrays = [np.ascontiguousarray(joints, dtype=float), *[getattr(out, name) for name in ARRAYS]]
+        parts = [[array[start : start + PART] for array in arrays] for start in range(0, len(joints), PART)]
+        if self._threads == 1:
+            for part in parts:
+                self._fill(part)
+        else:
+            with ThreadPoolExecutor(self._threads) as pool:  # a call of a library leaves Python to other threads
+                deque(pool.map(self._fill, parts), maxlen=0)
+
+    def _fill(self, arrays: list[Array]) -> None:
+        self._call(ctypes.c_int64(len(arrays[0])), *[ctypes.c_void_p(array.ctypes.data) for array in arrays])
 
 
-def compiled(mechanism: Mechanism, assembly: int) -> MachineCode:
+def compiled(mechanism: Mechanism, assembly: int, threads: int = 1) -> MachineCode:
     """The equations of a mechanism in one assembly mode as machine code. Raises NotCompiled."""
     try:
-        return MachineCode(built(c_source(mechanism, assembly)))
+        return MachineCode(built(c_source(mechanism, assembly)), threads)
     except NoClosedForm as error:
         raise NotCompiled(f"the equations of {mechanism.kind} are not in closed form") from error
 

@@ -134,13 +134,13 @@ def _tables(measured: Measured) -> list[Table]:
             table.add_row(result.robot, *[f"{taken:.1f}" for taken in times])
         tables.append(table)
     if measured.batch is not None:
-        columns = ("numpy [Msamples/s]", "machine code", "bytes per sample", "copy [GB/s]", "share of copy")
-        table = Table(*columns, title="batch")
         found = measured.batch
-        rate, copied = found.samples_per_s * 1e-6, found.copied_bytes_per_s * 1e-9
-        compiled = "no compiler" if (fast := found.compiled_samples_per_s) is None else f"{fast * 1e-6:.2f}"
-        size, share = f"{found.bytes_per_sample:.0f}", f"{found.share_of_copy:.1%}"
-        table.add_row(f"{rate:.2f}", compiled, size, f"{copied:.1f}", share)
+        columns = ("numpy [Msamples/s]", "machine code", f"{found.threads} threads", "bytes per sample", "copy [GB/s]")
+        table = Table(*columns, "share of copy", title="batch")
+        rates = (found.samples_per_s, found.compiled_samples_per_s, found.threaded_samples_per_s)
+        told = ["no compiler" if rate is None else f"{rate * 1e-6:.2f}" for rate in rates]
+        copied = f"{found.copied_bytes_per_s * 1e-9:.1f}"
+        table.add_row(*told, f"{found.bytes_per_sample:.0f}", copied, f"{found.share_of_copy:.1%}")
         tables.append(table)
     if measured.offline is not None:
         table = Table(

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import fields
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +26,11 @@ class Batch(NamedTuple):
     samples_per_s: float
     """With numpy."""
     compiled_samples_per_s: float | None
-    """As machine code; None without a C compiler."""
+    """As machine code, one thread; None without a C compiler."""
+    threads: int
+    """Number of cores."""
+    threaded_samples_per_s: float | None
+    """As machine code, one thread per core."""
     bytes_per_sample: float
     """Bytes read and written: joints in, all margins out."""
     copied_bytes_per_s: float
@@ -32,7 +38,7 @@ class Batch(NamedTuple):
 
     @property
     def share_of_copy(self) -> float:
-        """Bytes of the samples per second over those of a copy, 0..1, by the faster way."""
+        """Bytes of the samples per second over those of a copy, 0..1, on one thread."""
         fastest = max(self.samples_per_s, self.compiled_samples_per_s or 0.0)
         return fastest * self.bytes_per_sample / self.copied_bytes_per_s
 
@@ -48,25 +54,29 @@ def measure(tell: Callable[[str], None], *, quick: bool = False) -> Batch:
     moved = sum(array.nbytes for array in arrays if isinstance(array, np.ndarray))  # joint positions are among them
     source = np.ones((COPIED_BYTES // 8) // (16 if quick else 1))
     target = np.zeros_like(source)
-    compiled = _compiled(tell)
-    evaluating = compiled_s = copying = np.inf
+    threads = len(os.sched_getaffinity(0))
+    robots = [robot, *_compiled(tell, [1, threads])]
+    evaluating, copying = [np.inf] * len(robots), np.inf
     for _ in range(2 if quick else REPETITIONS):  # in turns, so that all meet the same machine
         copying = min(copying, _seconds(lambda: np.copyto(target, source)))
-        evaluating = min(evaluating, _seconds(lambda: robot.evaluate_many(joints)))
-        if compiled is not None:
-            compiled_s = min(compiled_s, _seconds(lambda: compiled.evaluate_many(joints)))
-    rate = number / compiled_s if compiled is not None else None
-    return Batch(number, number / evaluating, rate, moved / number, 2.0 * source.nbytes / copying)
+        taken = [_seconds(partial(one.evaluate_many, joints)) for one in robots]
+        evaluating = list(map(min, evaluating, taken))
+    plain, compiled, threaded, *_ = [*(number / seconds for seconds in evaluating), None, None]
+    assert plain is not None
+    return Batch(number, plain, compiled, threads, threaded, moved / number, 2.0 * source.nbytes / copying)
 
 
-def _compiled(tell: Callable[[str], None]) -> Robot | None:
-    robot = make_robot(ROBOT)
+def _compiled(tell: Callable[[str], None], threads: Sequence[int]) -> list[Robot]:
+    """The robot on machine code, with these numbers of threads; none without a C compiler."""
+    robots = []
     try:
-        robot.compile()
+        for number in threads:
+            robots.append(make_robot(ROBOT))
+            robots[-1].compile(number)
     except NotCompiled as error:
         tell(f"batch: no machine code: {error}")
-        return None
-    return robot
+        return []
+    return robots
 
 
 def _seconds(work: Callable[[], object]) -> float:
