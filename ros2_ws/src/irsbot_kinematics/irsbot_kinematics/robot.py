@@ -49,8 +49,8 @@ class Robot:
         self._machine_code: dict[int, batch.Fill] = {}  # by assembly mode
 
     def compile(self, threads: int = 1) -> None:
-        """Let `evaluate_many` of this object run on machine code, two to four times as fast; with a load or a start it does
-        not. threads: number of threads, at most one per core is of use.
+        """Let `evaluate_many` of this object run on machine code, two to four times as fast; with a load or a start it
+        does not. threads: number of threads, at most one per core is of use.
 
         A C compiler makes it in a few seconds (cc, or the one named in the environment variable CC); later processes
         find it in ~/.cache/irsbot. Results differ from the others by the rounding of sine, cosine and arc cosine. A
