@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 import pickle
 import stat
-from dataclasses import fields
 from itertools import product
 from math import inf, isfinite, nan, tau
 from types import SimpleNamespace
@@ -49,7 +49,7 @@ def test_machine_code_agrees_with_the_equations_on_floats(name):
         np.testing.assert_array_equal(many.status, numpy.status)
         np.testing.assert_array_equal(many.working_mode, numpy.working_mode)
         assert set(many.status) >= {irs.Status.SOLVED, irs.Status.INVALID}
-        for field in fields(many):
+        for field in dataclasses.fields(many):
             if isinstance(values := getattr(many, field.name), np.ndarray):
                 expected = getattr(numpy, field.name)
                 np.testing.assert_array_equal(np.isnan(values), np.isnan(expected), field.name)
@@ -246,3 +246,31 @@ def test_a_mechanism_that_branches_on_a_value_is_refused():
     assert mechanism.direct(FLOATS, (2.0, 1.0), 1)
     with pytest.raises(NoClosedForm):
         c_source(mechanism, 1)
+
+
+class WithMargin(type(irs.make_robot("five_bar").mechanism)):
+    """A five-bar with a limb margin that is the same everywhere."""
+
+    stated = 1
+
+    @property
+    def limb_count(self):
+        return self.stated
+
+    def legs(self, k, joints, pose):
+        return dataclasses.replace(super().legs(k, joints, pose), limb=(0.5,))
+
+
+def test_a_margin_that_is_the_same_everywhere_has_machine_code():
+    robot = irs.Robot(WithMargin(irs.make_robot("five_bar").mechanism.geometry))
+    before = robot.evaluate_many([[2.0, 1.0], [nan, 1.0]]).limb_margin
+    robot.compile()
+    found = robot.evaluate_many([[2.0, 1.0], [nan, 1.0]]).limb_margin
+    np.testing.assert_array_equal(found[:1], before[:1])
+    np.testing.assert_array_equal(found, [[0.5], [nan]])
+
+
+def test_equations_that_give_more_numbers_than_are_stated_are_refused(monkeypatch):
+    monkeypatch.setattr(WithMargin, "stated", 0)
+    with pytest.raises(irs.NotCompiled, match=r"limb_margin of .* has 1 numbers, 0 are stated"):
+        irs.Robot(WithMargin(irs.make_robot("five_bar").mechanism.geometry)).compile()

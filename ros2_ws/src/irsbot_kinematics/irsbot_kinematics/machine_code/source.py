@@ -13,6 +13,7 @@ from string import Template
 from typing import Any
 
 from irsbot_kinematics import statics
+from irsbot_kinematics.errors import NotCompiled
 from irsbot_kinematics.machine_code.symbols import NoClosedForm, Operation, Program, Symbol
 from irsbot_kinematics.mechanism import Mechanism, Status
 from irsbot_kinematics.numerics.tolerances import (
@@ -37,6 +38,8 @@ RESULTS = (
 
 ARRAYS = ("status", "working_mode", *RESULTS)
 """All fields that `evaluate` fills, in the order of its arguments."""
+
+Row = tuple[Symbol | float, ...]
 
 BLOCK = 128
 """Samples of a block: its columns stay in the first cache, 32 kB."""
@@ -115,7 +118,7 @@ void evaluate(int64_t number, const double *restrict joints, uint8_t *restrict s
 
 def c_source(mechanism: Mechanism, assembly: int) -> str:
     """C source of `evaluate` for one assembly mode. Raises NoClosedForm if the equations need the values of their
-    numbers."""
+    numbers, NotCompiled if they are not what the mechanism states."""
     program = Program()
     k: Any = program.arithmetic
     joints = [program.input(f"q{j}[i]") for j in range(len(mechanism.joints))]
@@ -123,7 +126,7 @@ def c_source(mechanism: Mechanism, assembly: int) -> str:
         pose, gaps = mechanism.direct(k, joints, assembly)
         legs = mechanism.legs(k, joints, pose)
         _, cosines = statics.pressure_cosines(k, legs.screws, legs.attachments)
-        results: dict[str, tuple[Symbol, ...]] = {
+        results: dict[str, Row] = {
             "pose": tuple(pose),
             "type1_margin": tuple(map(k.abs, legs.normalised_levers)),
             "type2_margin": (reduce(k.minimum, cosines),),
@@ -136,15 +139,26 @@ def c_source(mechanism: Mechanism, assembly: int) -> str:
         decisive = {"sine": tuple(legs.normalised_levers), "gap": tuple(gaps[:2])}
     except (TypeError, AttributeError) as error:  # also of numpy, for which a symbol is no number
         raise NoClosedForm(str(error)) from error
+    _check_widths(mechanism, {**results, **decisive})
     return c_text(len(joints), program, results, decisive)
 
 
-def c_text(
-    n: int, program: Program, results: dict[str, tuple[Symbol, ...]], decisive: dict[str, tuple[Symbol, ...]]
-) -> str:
+def _check_widths(mechanism: Mechanism, rows: dict[str, Row]) -> None:
+    """The arrays of the caller are as wide as the mechanism states; C would write beyond them. Raises NotCompiled."""
+    joints, stated = len(mechanism.joints), {"pose": len(mechanism.task), "limb_margin": mechanism.limb_count, "gap": 2}
+    for name in ("type1_margin", "pressure_angle", "sine"):
+        stated[name] = joints
+    for name, width in stated.items():
+        if len(rows[name]) != width:
+            raise NotCompiled(f"{name} of {mechanism.kind} has {len(rows[name])} numbers, {width} are stated")
+
+
+def c_text(n: int, program: Program, results: dict[str, Row], decisive: dict[str, Row]) -> str:
     """C source of `evaluate` for n joints q0[i], q1[i]... results: a row of each of `RESULTS`. decisive: `sine`, the
     signed Type 1 measures, and `gap`, the assembly clearances."""
-    columns = [(f"{name}{j}", one.name) for name, row in {**results, **decisive}.items() for j, one in enumerate(row)]
+    columns = [
+        (f"{name}{j}", _stated(one)) for name, row in {**results, **decisive}.items() for j, one in enumerate(row)
+    ]
     operations = [f"const double {name} = {_expression(operation)};" for name, operation in program.operations]
     modes = [
         f"working_mode[row * {n} + {j}] = solved[i] ? (sine{j}[i] > {SIGN_DEAD_BAND!r}) - "
@@ -182,6 +196,11 @@ def _expression(operation: Operation) -> str:
     if name in ("+", "-", "*", "/"):
         return f" {name} ".join(operands) if len(operands) == 2 else f"-{operands[0]}"
     return f"{'fabs' if name == 'abs' else name}({', '.join(operands)})"
+
+
+def _stated(value: Symbol | float) -> str:
+    """A result, which may be the same for all samples."""
+    return value.name if isinstance(value, Symbol) else _operand(repr(float(value)))
 
 
 def _operand(text: str) -> str:
