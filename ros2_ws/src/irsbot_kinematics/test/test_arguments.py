@@ -18,6 +18,8 @@ import irsbot_kinematics as irs
 from irsbot_kinematics import arguments
 from irsbot_kinematics.numerics.tolerances import FARTHEST, PAIR_TOL_M
 
+pytestmark = pytest.mark.usefixtures("own_cache")  # for machine code
+
 ROBOT = irs.make_robot("irsbot2")
 POSE = (0.3, -0.75)
 JOINTS = tuple(ROBOT.inverse(POSE).tolist())
@@ -106,6 +108,7 @@ CALLS = [
     Call(ROBOT.reactions, {**PAIR, "wrench": (1.0, 2.0)}, {**WRONG_PAIR, "wrench": numbers(2)}),
     Call(ROBOT.efforts, {**PAIR, "wrench": (1.0, 2.0)}, {**WRONG_PAIR, "wrench": numbers(2)}),
     Call(ROBOT.reaction_max, {**PAIR, "force": 2.0, "moment": 1.0}, {**WRONG_PAIR, "force": SIZES, "moment": MOMENTS}),
+    Call(irs.make_robot("five_bar").compile, {"threads": 1}, {"threads": [0, -1, 1025, *LABELS[3:]]}),
     Call(irs.make_robot, {"name": "irsbot2", "l1": 0.375}, {"name": NAMES_OF_NONE, "l1": [*SIZES, 0.0]}),
     Call(irs.load_robot, {"path": "irsbot2", "l1": 0.375}, {"path": NAMES_OF_NONE, "l1": [*SIZES, 0.0]}),
     Call(irs.make_robot, {"name": "rrr3_base"}, {"phase": [*NOTHING, nan, (1.0,), [1.0, 2.0, "x"], np.zeros((3, 1))]}),
