@@ -9,6 +9,7 @@ import pytest
 from supervised import joints_of, ready, sample, settings_of
 
 from irsbot_kinematics import Robot
+from irsbot_msgs_py.gate_status import GateOutcome, GateReason
 from irsbot_msgs_py.records import Level
 from irsbot_supervisor.core.margins import margins_of
 from irsbot_supervisor.core.settings import Settings
@@ -97,6 +98,22 @@ def test_a_motion_is_judged_on_the_branch_that_is_followed_not_on_that_of_a_labe
             assert at.status == 0
             assert (np.array(margins_of(at)) >= stop).all()
     assert judged
+
+
+@pytest.mark.parametrize("rates", [(0.0, 0.0), (0.5, -0.5)], ids=["at rest", "moving"])
+@pytest.mark.parametrize("there", [True, False], ids=["where it is", "elsewhere"])
+def test_a_motion_that_takes_no_time_is_refused(rates, there):
+    """It has no part that could pass, not even where the robot already is: a hold is what is left."""
+    supervisor, q = ready()
+    for ms in range(100):
+        q = tuple(a + 1e-3 * rate for a, rate in zip(q, rates, strict=True))
+        supervisor.step(sample(ms, q, rates))
+    assert supervisor.view is not None
+    goal = q if there else joints_of(supervisor, *SAFE)
+    found = passed(supervisor, Command((0.0,), (goal,), ((0.0, 0.0),)))
+    assert found.path is None
+    assert (found.answer.outcome, found.answer.reason) == (GateOutcome.HELD, GateReason.INVALID)
+    assert "time_from_start" in found.answer.text
 
 
 def straightened(supervisor: Supervisor) -> np.ndarray:

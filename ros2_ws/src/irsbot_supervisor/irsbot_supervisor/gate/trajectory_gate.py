@@ -81,6 +81,8 @@ class MotionGate:
         position = at.joints
         way = path_through(command.times, command.positions, command.velocities, len(position))
         later = [i for i, time in enumerate(command.times) if time > 0.0]
+        if not later:
+            raise BadTrajectory("its only point is at time 0, and no motion is so fast: state time_from_start")
         path = JointPath(
             (0.0, *[command.times[i] for i in later]),
             (position, *[way.positions[i] for i in later]),
@@ -88,7 +90,7 @@ class MotionGate:
         )
         brakes = self._settings.deceleration_limit
         speed = tuple(share * limit for limit in self._settings.velocity_limit)
-        excess = path.excess(JointLimits(speed, brakes, brakes)) if later else 0.0
+        excess = path.excess(JointLimits(speed, brakes, brakes))
         if excess <= 1.0:
             return path, 1.0
         if any(abs(rate) > self._settings.standstill_speed for rate in velocity):
