@@ -180,8 +180,8 @@ def _stands(tally: Tally, recording: Recording, gone: Gone) -> tuple[str, str]:
 def _told(tally: Tally, recording: Recording, gone: Gone, live: int) -> tuple[str, str]:
     """Without joint states the verdict is UNKNOWN, within the stale limit and a heartbeat of the last one that arrived:
     a sample that waited on a busy machine was sent before the signal. Times are those of the publisher. A supervisor
-    that publishes nothing in this time has no processor time, and its silence also stops the robot. live: verdicts that
-    another listener received."""
+    that is silent before it has to say UNKNOWN, and stays so, has no processor time; its silence also stops the robot.
+    live: verdicts that another listener received."""
     settings, _robot = read_settings("irsbot2")
     end_ns = gone.at_ns + round(WATCHED_S * NS_PER_S)
     said = [one for one in _published(recording.path) if gone.at_ns < one[0] < end_ns]
@@ -190,6 +190,9 @@ def _told(tally: Tally, recording: Recording, gone: Gone, live: int) -> tuple[st
     if not any(level == Level.UNKNOWN for _sent_ns, level in said):
         if deaf := _unrecorded(recording, gone.at_ns, end_ns):
             return "", f"{NOTHING}, the recorder missed {deaf} verdicts that were published"
+        last_s = (max((sent_ns for sent_ns, _level in said), default=gone.at_ns) - gone.at_ns) / NS_PER_S
+        if last_s < settings.stale_s:
+            return "", f"{NOTHING}, the supervisor was silent from {last_s:.3f} s after the signal on"
         return "", f"no verdict UNKNOWN among the {len(said)} of {WATCHED_S} s after the joint states ended"
     good = [state.received_ns for state in recording.states if state.level < Level.STOP and state.received_ns < end_ns]
     arrived_ns = max(gone.at_ns, *good)
