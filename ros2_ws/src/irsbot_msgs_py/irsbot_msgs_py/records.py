@@ -218,6 +218,15 @@ class Restart(NamedTuple):
     event: int  # number of the stop that this is, larger than those of earlier supervisors
 
 
+class LateBrakes(NamedTuple):
+    """A silence of the joint states was noticed late, because the supervisor itself was silent: until a later time than
+    usual, no verdict, and no missing verdict, made the drives brake."""
+
+    received_ns: int
+    seen_ns: int
+    brakes_ns: int  # that time, steady clock
+
+
 class Bypass(NamedTuple):
     """An operator requests motion in spite of one cause of the stop number `event` for a limited time."""
 

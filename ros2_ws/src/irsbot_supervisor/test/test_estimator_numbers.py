@@ -138,6 +138,21 @@ def test_a_sample_follows_the_one_before_a_wrong_one_within_both_their_errors(si
     assert isinstance(answer, Estimate) is follows
 
 
+@pytest.mark.parametrize("followed", ["nobody says", "the wrong one", "an older one"])
+def test_the_time_without_samples_counts_from_the_one_before_a_wrong_one(followed):
+    """A position 15 ms after the last good one, 15 mrad away and stamped late; 0.2 ms later the joint is back."""
+    filter_ = estimator()
+    older, rested = (good(one) for one in watch(filter_, moving((0.0, 0.0), (), 0, 40))[-2:])
+    wrong = good(filter_.update(accepted(54, (0.015, 1.0), ())))
+    since = {"nobody says": None, "the wrong one": wrong, "an older one": older}[followed]
+    after = good(filter_.update(accepted(54.2, (0.0, 1.0), ()), followed=since))
+    gap_s = 1e-3 * (54.2 - (38.0 if followed == "an older one" else 39.0))
+    first = older if followed == "an older one" else rested
+    ahead = min(ReachableBox(SETTINGS).going(first.speeds, gap_s)[0][0], 0.5 * 12.0 * gap_s)
+    assert after.silence is not None
+    assert after.silence.high[0] == pytest.approx(ahead + ERROR)
+
+
 # --- silence ---------------------------------------------------------------------------------------------------------
 
 
@@ -191,9 +206,10 @@ def test_which_way_an_angle_went_is_known_if_both_ways_together_are_shorter_than
 @pytest.mark.parametrize(("gap_ms", "free_ms"), [(55.0, 55.0), (400.0, STALE_MS + 10.0)])
 def test_a_robot_that_stood_at_a_stop_moved_at_most_at_recovery_speed(moved, gap_ms, free_ms):
     _last, after = silent(4.0, gap_ms, moved, held=True)
-    way = 0.05 * 12.0 * 1e-3 * (4.0 + free_ms + 10.0)
-    assert after.silence.low == pytest.approx((min(moved, 0.0) - way - ERROR, 1.0 - way - ERROR))
-    assert after.silence.high == pytest.approx((max(moved, 0.0) + way + ERROR, 1.0 + way + ERROR))
+    rate = 0.05 * 12.0
+    way = rate * 1e-3 * (4.0 + free_ms + 10.0) + rate**2 / (2.0 * 400.0)
+    assert after.silence.low == pytest.approx((-way - ERROR, 1.0 - way - ERROR))
+    assert after.silence.high == pytest.approx((way + ERROR, 1.0 + way + ERROR))
 
 
 def test_a_robot_is_not_held_unless_somebody_says_so():

@@ -6,6 +6,7 @@ from math import isnan
 
 import numpy as np
 import pytest
+from near_type2 import FREE, STAND_MS, along, distance_m, out_s, standing
 from supervised import (
     MS,
     configure,
@@ -118,39 +119,11 @@ def test_a_silence_in_a_good_posture_at_rest_loses_no_branch(silence_ms, back_ms
 
 # --- between two samples ----------------------------------------------------------------------------------------
 
-FREE, TOWARDS = (-0.086153889149302, 0.7385104115796117, 0.7359930647205954), (-1.0, 1.0, 1.0)
-"""Joint positions of rails3, m, where it may stand, and the direction in which Type 2 is 4.6 mm away."""
-
-STAND_MS = 300
-
-
-def there_and_back_ms() -> float:
-    """Least time in which the drives, from rest, meet Type 2 and are back where they were: out at the largest
-    acceleration, then at the largest speed, and back the same way. They may turn at once: no limit holds for brakes
-    that are too strong."""
-    supervisor = supervisor_of("rails3")
-    at = supervisor.robot.mechanism.posture(FREE, supervisor.settings.assembly_mode)
-    way_m, step_m = 0.0, 1e-4
-    while step_m > 1e-9:
-        there = tuple(q + u * (way_m + step_m) for q, u in zip(FREE, TOWARDS, strict=True))
-        if (found := supervisor.robot.mechanism.track(there, at)).status == irs.Status.SOLVED:
-            at, way_m = found, way_m + step_m
-        else:
-            step_m *= 0.5
-    assert min(at.cos_pressure) < 1e-3, "not Type 2"
-    v, a = supervisor.settings.velocity_limit[0], supervisor.settings.acceleration_limit[0]
-    return 2e3 * (v / a + (way_m - 0.5 * v * v / a) / v)
-
-
-def standing(begin_ms: int, end_ms: int) -> list[JointSample]:
-    names = supervisor_of("rails3").settings.joint_names
-    return [sample(ms, FREE, names=names) for ms in range(begin_ms, end_ms)]
-
 
 @pytest.mark.parametrize("gap_ms", [45, 49, 60, 100, 2000])
 @pytest.mark.parametrize("ticks", [False, True], ids=["alone", "with ticks"])
 def test_a_time_without_samples_in_which_type_2_can_be_met_loses_the_branch_of_a_robot_that_stood_free(gap_ms, ticks):
-    assert there_and_back_ms() < 40.0
+    assert 2.0 * out_s(distance_m()) < 0.04, "the drives cannot be there and back: they may turn at once"
     supervisor = supervisor_of("rails3")
     assert level_in_force(feed(supervisor, standing(-STAND_MS, 0))) == Level.OK
     if ticks:
@@ -186,7 +159,7 @@ def test_an_error_inside_hides_no_time_without_samples(times_ms, monkeypatch):
 def test_a_jump_stays_known_if_an_error_comes_before_its_posture(monkeypatch):
     supervisor = supervisor_of("rails3")
     feed(supervisor, standing(-STAND_MS, 0))
-    names, aside = supervisor.settings.joint_names, tuple(q - 0.05 * u for q, u in zip(FREE, TOWARDS, strict=True))
+    names, aside = supervisor.settings.joint_names, along(-0.05)
     supervisor.step(sample(1, aside, names=names))
     with monkeypatch.context() as broken:
         broken.setattr(type(supervisor.robot.mechanism), "posture", fails)

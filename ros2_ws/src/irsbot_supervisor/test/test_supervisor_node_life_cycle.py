@@ -15,9 +15,12 @@ pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
 from cell import GOOD, HIGH, PATIENCE_S, STRICT, Cell, Wire, check, going, resting, silent
 from lifecycle_msgs.msg import Transition
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.utilities import get_rmw_implementation_identifier
+from std_msgs.msg import String
 
-from irsbot_msgs_py.records import Cause, Level
+from irsbot_msgs_py.records import Cause, LateBrakes, Level
+from irsbot_supervisor.bag.journal import read_entry
 
 pytestmark = pytest.mark.ros
 
@@ -100,7 +103,8 @@ def test_a_supervisor_that_is_started_again_waits_for_a_reset_and_does_so_once(w
     heard = cell.verdicts[begin:]  # the first may be older than the restart
     fresh = heard[next(k for k, one in enumerate(heard) if one.event == latched.event) :]
     assert all(one.level == Level.UNKNOWN and one.latched for one in fresh)
-    begun = next(k for k, (old, new) in enumerate(pairwise(cell.verdicts), 1) if new.sequence < old.sequence)
+    pairs = enumerate(pairwise(cell.verdicts[begin - 1 :]), begin)  # the last of the old one may come late
+    begun = next(k for k, (old, new) in pairs if new.sequence != old.sequence + 1)
     assert not any(one.level < Level.STOP for one in cell.verdicts[begun:])
     assert latched.event > 1
     assert not cell.reset(1).accepted
@@ -132,6 +136,42 @@ def test_a_signal_ends_the_process_with_exit_code_0(wire: Wire, number: signal.S
     process.send_signal(number)
     assert process.wait(PATIENCE_S) == 0
     assert "Traceback" not in cell.printed
+
+
+def frozen(cell: Cell, silence_s: float) -> None:
+    process = cell.suite.processes["supervisor"]
+    process.send_signal(signal.SIGSTOP)
+    end = time.monotonic() + silence_s
+    cell.wire.until(lambda: time.monotonic() > end)
+    process.send_signal(signal.SIGCONT)
+
+
+def inactive(cell: Cell, silence_s: float) -> None:
+    assert cell.change(Transition.TRANSITION_DEACTIVATE)
+    end = time.monotonic() + silence_s
+    cell.wire.until(lambda: time.monotonic() > end)
+    assert cell.change(Transition.TRANSITION_ACTIVATE)
+
+
+@pytest.mark.parametrize("silence", [frozen, inactive])
+def test_a_supervisor_that_was_silent_tells_its_journal_until_when_the_drives_were_free(wire: Wire, silence):
+    """Consumers brake when they have heard nothing for 0.1 s."""
+    cell = Cell(wire)
+    journal: list[str] = []
+    latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    cell.node.create_subscription(String, "supervisor/journal", lambda message: journal.append(message.data), latched)
+    cell.heard_level(Level.OK)
+
+    def told() -> list[LateBrakes]:
+        return [entry for entry in map(read_entry, journal) if isinstance(entry, LateBrakes)]
+
+    before = len(told())
+    silence(cell, 0.4)
+    cell.wire.until(lambda: len(told()) > before, "late brakes in the journal")
+    sample = max((state for state in cell.states if state.seen_ns < told()[before].seen_ns), key=lambda s: s.seen_ns)
+    free_s = (told()[before].brakes_ns - sample.seen_ns) * 1e-9
+    assert 0.06 < free_s <= 0.16  # the last verdict came within `stale_s` after the last sample
+    cell.heard_level(Level.OK)  # also where the drives were free until then, no Type 2 was in reach
 
 
 LEAVING = """

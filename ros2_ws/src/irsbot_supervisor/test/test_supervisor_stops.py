@@ -20,7 +20,6 @@ from supervised import (
     reset,
     resting,
     sample,
-    settings_of,
     stopped,
     supervisor_of,
     tick,
@@ -28,7 +27,6 @@ from supervised import (
 
 from irsbot_msgs_py.records import Cause, Level, Restart
 from irsbot_supervisor.bag.journal import JournalError, read_entry, write_entry
-from irsbot_supervisor.core.speaker import Speaker
 
 # --- stop and reset ---------------------------------------------------------------------------------------------
 
@@ -182,14 +180,3 @@ def test_a_restart_is_replayed_from_its_line_of_the_journal():
     assert read_entry(write_entry(event)) == event
     with pytest.raises(JournalError):
         read_entry('{"kind": "restart", "received_ns": 1, "seen_ns": 2}')
-
-
-@pytest.mark.parametrize("joint", [0, 1])
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_slow_is_the_recovery_share_of_the_fastest_and_what_counts_as_standstill(joint: int, sign: float):
-    settings = settings_of("irsbot2", recovery_share=0.1, standstill_speed=0.02, velocity_limit=[2.0, 5.0])[0]
-    speaker, rates = Speaker(settings), [0.0, 0.0]
-    limit = 0.1 * settings.velocity_limit[joint]
-    for extra, slow in ((0.019, True), (0.021, False), (nan, False)):
-        rates[joint] = sign * (limit + extra)
-        assert speaker.is_slow(tuple(rates)) == slow

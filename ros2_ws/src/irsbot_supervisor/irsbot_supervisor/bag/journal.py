@@ -1,5 +1,5 @@
-"""Inputs of the supervisor other than samples, as lines of JSON: settings, restarts, resets and bypasses. They make a
-bag replayable."""
+"""Inputs of the supervisor other than samples, as lines of JSON: settings, restarts, late brakes, resets and bypasses.
+They make a bag replayable."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from irsbot_kinematics import Robot
 from irsbot_kinematics.description.robot_record import robot_record
-from irsbot_msgs_py.records import Bypass, Reset, Restart
+from irsbot_msgs_py.records import Bypass, LateBrakes, Reset, Restart
 from irsbot_supervisor.core.settings import Settings
 
 
@@ -26,9 +26,15 @@ class Configuration(NamedTuple):
     machine: dict[str, Any]  # complete record of their robot
 
 
-Entry = Configuration | Restart | Reset | Bypass
+Entry = Configuration | Restart | LateBrakes | Reset | Bypass
 
-ENTRY_KINDS: dict[type[Entry], str] = {Configuration: "configure", Restart: "restart", Reset: "reset", Bypass: "bypass"}
+ENTRY_KINDS: dict[type[Entry], str] = {
+    Configuration: "configure",
+    Restart: "restart",
+    LateBrakes: "late_brakes",
+    Reset: "reset",
+    Bypass: "bypass",
+}
 """Kinds of entries, by the name in a line."""
 
 
@@ -51,6 +57,8 @@ def read_entry(line: str) -> Entry:
             return Configuration(**stated)
         if kind == "restart":
             return Restart(*(int(stated[name]) for name in Restart._fields))
+        if kind == "late_brakes":
+            return LateBrakes(*(int(stated[name]) for name in LateBrakes._fields))
         if kind == "reset":
             return Reset(**{**stated, "seed_pose": tuple(stated["seed_pose"])})
         if kind == "bypass":

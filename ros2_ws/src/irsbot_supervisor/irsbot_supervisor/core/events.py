@@ -4,7 +4,17 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from irsbot_msgs_py.records import Bypass, JointSample, Level, Reset, Restart, SingularityState, Tick, Verdict
+from irsbot_msgs_py.records import (
+    Bypass,
+    JointSample,
+    LateBrakes,
+    Level,
+    Reset,
+    Restart,
+    SingularityState,
+    Tick,
+    Verdict,
+)
 from irsbot_supervisor.core.latch import Judgement
 from irsbot_supervisor.core.settings import Settings
 
@@ -18,7 +28,7 @@ class Configure(NamedTuple):
     settings: Settings
 
 
-Event = JointSample | Tick | Restart | Reset | Bypass | Configure
+Event = JointSample | Tick | LateBrakes | Restart | Reset | Bypass | Configure
 
 
 class Step(NamedTuple):

@@ -38,6 +38,11 @@ class ReachableBox:
             backward.append(forward[-1] if up == down else _until_rest(down, gain, fastest, brake, free_s))
         return forward, backward
 
+    def recovering(self, share: float, free_s: float) -> list[float]:
+        """rad or m in each direction until the joints stand, at recovery speed: this share of V."""
+        speeds = [(share * fastest, brake) for _gain, fastest, brake in self._limits]
+        return [rate * free_s + 0.5 * rate * rate / brake for rate, brake in speeds]
+
     def following(self, rates: Floats, first_s: float, last_s: float) -> tuple[list[float], list[float]]:
         """rad or m: lowest and highest displacements of joints that keep their rates and brake together between
         `first_s` and `last_s`: from `first_s` on until they stand."""

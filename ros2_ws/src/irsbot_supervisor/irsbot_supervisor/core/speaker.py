@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from irsbot_msgs_py.records import Cause, Finding, Floats, Level, Tick, Verdict
+from irsbot_msgs_py.records import Cause, Finding, Level, Tick, Verdict
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.core.escape import Escape
 from irsbot_supervisor.core.estimation.estimate import Estimate
@@ -35,9 +35,9 @@ class Speaker:
         rest_ns = round(JUST_NOW * self._heartbeat_ns) if isinstance(event, Tick) else self._heartbeat_ns
         return changed or event.seen_ns - self._spoken_ns >= rest_ns
 
-    def verdict(self, latch: Latch, good: Estimate | None, stale: bool, escape: Escape, seen_ns: int) -> Verdict:
-        """The next verdict. good: the last good sample; stale: True if it is too old to tell how fast the robot is.
-        escape: the way out of the stop in force."""
+    def verdict(self, latch: Latch, good: Estimate | None, slow: bool, escape: Escape, seen_ns: int) -> Verdict:
+        """The next verdict. good: the last good sample. slow: True if the robot is known to be slow: only then it may
+        leave a stop. escape: the way out of the stop in force."""
         self._count += 1
         self._spoken_ns = seen_ns
         now, end_ns = latch.now, latch.bypassed_until_ns
@@ -53,24 +53,12 @@ class Speaker:
             sequence=self._count,
             config_hash=self._hash,
             since_ns=now.since_ns,
-            speed_scale=self._recovery_scale(None if stale else good) if moves_away else now.speed_scale,
+            speed_scale=now.speed_scale if not moves_away else self._settings.recovery_share if slow else 0.0,
             findings=now.findings,
             bypassed=Cause(now.bypassed),
             bypass_left=max(end_ns - seen_ns, 0) / NS_PER_S if end_ns is not None else 0.0,
             escape_cause=Cause(escape.causes),
         )
-
-    def is_slow(self, velocity: Floats) -> bool:
-        """True if no joint is faster than allowed on a way out or during a bypass."""
-        settings = self._settings
-        share, slow = settings.recovery_share, settings.standstill_speed
-        pairs = zip(velocity, settings.velocity_limit, strict=True)
-        return all(abs(rate) <= share * most + slow for rate, most in pairs)
-
-    def _recovery_scale(self, good: Estimate | None) -> float:
-        """Speed scale after a STOP: 0 until the robot is slow, then the share with which the command gate may move it
-        away."""
-        return self._settings.recovery_share if good is not None and self.is_slow(good.velocity) else 0.0
 
 
 def _text(findings: tuple[Finding, ...]) -> str:

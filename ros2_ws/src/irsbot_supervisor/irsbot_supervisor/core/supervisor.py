@@ -15,6 +15,7 @@ from irsbot_msgs_py.records import (
     Finding,
     Floats,
     JointSample,
+    LateBrakes,
     Level,
     Reset,
     Restart,
@@ -32,6 +33,7 @@ from irsbot_supervisor.core.events import Configure, Event, Step
 from irsbot_supervisor.core.latch import Latch
 from irsbot_supervisor.core.margins import Margins, margins_of
 from irsbot_supervisor.core.memory import EstimatorMemory, Memory
+from irsbot_supervisor.core.pace import Pace
 from irsbot_supervisor.core.policy import Policy
 from irsbot_supervisor.core.position_limits import PositionLimits
 from irsbot_supervisor.core.report import Moment, Reporter, governing
@@ -69,7 +71,7 @@ class Supervisor:
         self._assessor = Assessor(settings, robot.mechanism)
         self._intake = Intake(settings, robot.mechanism.joints)
         self._stops = StopMonitor(settings, robot.mechanism.joints)
-        self._speaker = Speaker(settings)
+        self._speaker, self._pace = Speaker(settings), Pace(settings, robot.mechanism.joints)
         self._set(settings)
         self._samples = 0
         self._good: Estimate | None = None
@@ -98,6 +100,9 @@ class Supervisor:
             self._configure(event)
             self._pass_time(event.seen_ns)  # the silence limit may have changed too
             changed = True
+        elif isinstance(event, LateBrakes):
+            if self._good is not None:
+                self._estimator.silences.free_until(self._good.seen_ns, event.brakes_ns)
         elif isinstance(event, Restart):
             self._restart(event)
         elif isinstance(event, Reset):
@@ -120,6 +125,7 @@ class Supervisor:
         self._reporter = Reporter(settings, mechanism, self.robot.name)
         self._stale_ns = round(settings.stale_s * NS_PER_S)
         self._brakes_ns = round((settings.heartbeat_s + settings.latency_s) * NS_PER_S)
+        self._noticed_ns = round((settings.stale_s + settings.heartbeat_s) * NS_PER_S)
 
     def _configure(self, change: Configure) -> None:
         """Take in new settings, complete and checked. Knowledge of the robot and a latched stop are kept.
@@ -128,8 +134,18 @@ class Supervisor:
         """
         settings = change.settings
         refuse_other_robot(self.settings, settings)
+        if self._good is not None:
+            self._estimator.silences.keep(self._good.seen_ns)
         self._set(settings)
-        for stage in (self._intake, self._estimator, self._assessor, self._latch, self._stops, self._speaker):
+        for stage in (
+            self._intake,
+            self._estimator,
+            self._assessor,
+            self._latch,
+            self._stops,
+            self._pace,
+            self._speaker,
+        ):
             stage.configure(settings)
         if self._good is not None:
             self._learn(change.seen_ns)
@@ -146,6 +162,11 @@ class Supervisor:
         UNKNOWN: then no motion is allowed."""
         good = self._good
         return good.judging_s if good is not None and self._latch.now.level < Level.UNKNOWN else inf
+
+    def is_late(self, brakes_ns: int) -> bool:
+        """True if drives that brake from this time on (steady clock) brake later after the last good sample than it is
+        supposed of a silence: `LateBrakes` has to say so."""
+        return self._good is not None and brakes_ns - self._good.seen_ns > self._noticed_ns
 
     @property
     def measured_stop(self) -> MeasuredStop | None:
@@ -196,7 +217,7 @@ class Supervisor:
             and good is not None
             and not (self._stale or self._found or self._silence)
             and self._found_until_ns == FOREVER
-            and not self._stops.measuring
+            and not (self._stops.measuring or self._pace.watching)
             and self._assessor.steady
             and self._estimator.quiet
             and good is self._estimator.last
@@ -235,7 +256,9 @@ class Supervisor:
         return Step(None, self._verdict(seen_ns), transitions=self._latch.take_transitions())
 
     def _verdict(self, seen_ns: int) -> Verdict:
-        return self._speaker.verdict(self._latch, self._good, self._stale, self.escape, seen_ns)
+        good = self._good
+        slow = good is not None and not self._stale and self._pace.is_slow(good)
+        return self._speaker.verdict(self._latch, good, slow, self.escape, seen_ns)
 
     def _pass_time(self, seen_ns: int) -> bool:
         """Take in a silence since the last good sample; it is dated to the moment at which it began to count. The
@@ -300,8 +323,7 @@ class Supervisor:
             self._begun_ns = sample.seen_ns
             self._learn(sample.seen_ns)
         self._good, self._at, self._stale, self._silence = estimate, at, False, []
-        if self._latch.now.bypassed and not self._speaker.is_slow(estimate.velocity):
-            self._latch.end_bypass()  # it was given for slow motion
+        self._watch_pace(estimate)
         # At the first sample the speeds are unknown, and a box of all speeds would take milliseconds to no effect.
         certified = self._predictor.predict(at, estimate.speeds, estimate.prediction_delay_s, search=not first)
         reaction = self._reporter.reaction(estimate, assessment)
@@ -331,6 +353,16 @@ class Supervisor:
             return (level, causes), None
         told = self._reporter.solved(estimate, assessment, certified, reaction, self._samples, level, causes, before)
         return (level, causes), told
+
+    def _watch_pace(self, estimate: Estimate) -> None:
+        """Watch a robot that a stop or a bypass makes slow; a bypass ends if it is faster."""
+        now, pace = self._latch.now, self._pace
+        if now.level >= STOP or now.bypassed:
+            pace.look(estimate)
+            if now.bypassed and not pace.is_slow(estimate):
+                self._latch.end_bypass()
+        elif pace.watching:
+            pace.restart()
 
     def _was_held(self) -> bool:
         """True if the stop that is latched now held the robot at the last good sample: brakes had acted. Silence alone

@@ -20,7 +20,7 @@ from irsbot_kinematics import KinematicsError
 from irsbot_msgs_py.cdr import encode_state, encode_verdict
 from irsbot_msgs_py.process.priority import MEANING, PARAMETER, PRIORITY, checked_priority
 from irsbot_msgs_py.process.run import run
-from irsbot_msgs_py.records import Bypass, JointSample, Reset, Restart, Tick, Verdict
+from irsbot_msgs_py.records import Bypass, JointSample, LateBrakes, Reset, Restart, Tick, Verdict
 from irsbot_msgs_py.records import SingularityState as State
 from irsbot_supervisor.bag.journal import Entry, configured, write_entry
 from irsbot_supervisor.core.events import Configure, Event, Step
@@ -45,6 +45,7 @@ from irsbot_supervisor.nodes.posture import PosturePublisher
 from irsbot_supervisor.nodes.safe import PROMISED, SafePublisher
 from irsbot_supervisor.nodes.samples import Samples
 from irsbot_supervisor.nodes.services import Services
+from irsbot_supervisor.nodes.spoken import Spoken
 from irsbot_supervisor.nodes.summary import SummaryPublisher
 from irsbot_supervisor.nodes.verdict_log import VerdictLog
 
@@ -98,13 +99,14 @@ class SupervisorNode(LifecycleNode):
         self._callers = Callers(self)
         self._changing = ChangingSettings(self, self._later, settings, self._robot, self._apply, self._callers)
         self._active = False
-        self._log = VerdictLog(self.get_logger())
+        self._log, self._spoken = VerdictLog(self.get_logger()), Spoken()
         self._safe = SafePublisher(self)
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._heart: Timer | None = None
         self._publishing = Allowance(STATES_HZ, STATES_AT_ONCE, time.monotonic_ns())
         self._listened = False  # True if states have a subscriber; a new one is noticed with the next sample
         self._reported_ns = 0  # seen_ns of the newest state
+        self._told_ns = 0  # `brakes_ns` of the newest `LateBrakes`
         self._speech: list[Publisher] = []
         self._stream = quality(self, SingularityState, "~/state", STREAM)
         self._lasting = quality(self, String, "~/journal", JOURNAL)
@@ -239,6 +241,8 @@ class SupervisorNode(LifecycleNode):
             return None
         allowed_s = self._supervisor.judging_s
         try:
+            if self._supervisor.is_late(event.seen_ns):
+                self._tell_late_brakes(event)
             step = self._supervisor.step(event, self._is_wanted(event.seen_ns))
             state = step.state
             if state is not None:
@@ -260,6 +264,18 @@ class SupervisorNode(LifecycleNode):
             self._fail(error)
             return None
 
+    def _tell_late_brakes(self, event: Event) -> None:
+        """Tell the core that drives braked late, if they did: neither UNKNOWN was published in time, nor had the
+        verdicts been missing for long."""
+        brakes_ns = self._spoken.brakes_ns(event.seen_ns)
+        if brakes_ns != self._told_ns and self._supervisor.is_late(brakes_ns):
+            self._told_ns = brakes_ns
+            late = LateBrakes(event.received_ns - 1, event.seen_ns - 1, brakes_ns)  # a replay has it before the event
+            self._note(late)
+            step = self._supervisor.step(late)
+            if step.verdict is not None:
+                self._say(step.verdict)
+
     def _is_wanted(self, now_ns: int) -> bool:
         """True if states have a subscriber, or if a summary, markers, postures or diagnostics need a new one."""
         if not self._listened:
@@ -269,7 +285,9 @@ class SupervisorNode(LifecycleNode):
     def _say(self, verdict: Verdict) -> None:
         self._verdicts.publish(encode_verdict(verdict))
         self._safe.tell(verdict.level)
-        self._log.hear(verdict, time.monotonic_ns())
+        now_ns = time.monotonic_ns()
+        self._spoken.note(verdict.speed_scale > 0.0, now_ns)
+        self._log.hear(verdict, now_ns)
 
     def _fail(self, error: Exception) -> None:
         """Handle an error in a callback: UNKNOWN, until a sample is judged without error."""

@@ -20,6 +20,7 @@ class Silence(NamedTuple):
 
     low: Floats  # rad or m
     high: Floats
+    fault: str = ""  # empty, or why the joints cannot have moved as they did
 
 
 class Estimate(NamedTuple):

@@ -18,6 +18,7 @@ from irsbot_supervisor.core.estimation.sample_interval import (
     SecondLargest,
     judging_time,
 )
+from irsbot_supervisor.core.estimation.silence import Silences
 from irsbot_supervisor.core.memory import EstimatorMemory, Standstill
 from irsbot_supervisor.core.reachable_box import ReachableBox
 from irsbot_supervisor.core.settings import Settings
@@ -48,7 +49,7 @@ class Estimator:
         self._intervals, self._leads = SampleIntervals(), SecondLargest()
         self._observer, self._reported = Observer(settings, joints), Reported(settings, joints)
         self._jumps, self._frozen = Jumps(settings, joints), Frozen(settings, joints)
-        self._turns = tuple(joint.turn for joint in joints)
+        self._silences = Silences(settings, joints)
         self._last: Estimate | None = None
         self._before: Estimate | None = None  # the one before the last
         self._wrong_ns: int | None = None  # when a stamp was last believed to be late
@@ -59,18 +60,22 @@ class Estimator:
 
     def configure(self, settings: Settings) -> None:
         """Take in new limits; the last sample and the learned sample interval are kept."""
-        self._stale_s, self._heartbeat_s, self._latency_s = settings.stale_s, settings.heartbeat_s, settings.latency_s
-        self._settings, self._recovery, self._judging_s = settings, settings.recovery_share, settings.judging_s
+        self._settings, self._stale_s, self._judging_s = settings, settings.stale_s, settings.judging_s
         self._slow, self._step = settings.standstill_speed, 2.0 * settings.encoder_resolution
         self._box = ReachableBox(settings)
         self._intervals.configure(settings.stale_s, settings.sample_gap_s, settings.heartbeat_s)
-        for part in (self._observer, self._reported, self._jumps, self._frozen):
+        for part in (self._observer, self._reported, self._jumps, self._frozen, self._silences):
             part.configure(settings)
 
     @property
     def last(self) -> Estimate | None:
         """The estimate of the last good sample."""
         return self._last
+
+    @property
+    def silences(self) -> Silences:
+        """What is known of the present silence."""
+        return self._silences
 
     @property
     def quiet(self) -> bool:
@@ -116,12 +121,18 @@ class Estimator:
         span = passed if clock_set else max(passed, stamped)
         moved = jumps.moved(sample.position, last.position)
         too_far = jumps.too_far(moved, span)
-        unseen = self._unseen(sample, followed or last, held)
+        since = followed or last
+        way = moved if since is last else jumps.moved(sample.position, since.position)
+        unseen = self._silences.region(since, passed_s(sample, since), way, held)
         if too_far and not jumps.away and self._last_was_wrong(sample):
-            assert self._before is not None
+            before = self._before
+            assert before is not None
             self._wrong_ns = sample.seen_ns
+            if before.seen_ns < since.seen_ns:  # the last one does not count
+                way = jumps.moved(sample.position, before.position)
+                unseen = self._silences.region(before, passed_s(sample, before), way, held)
             expected = self._expected(sample, passed, passed)
-            self._observer.without_last(self._before.speeds)
+            self._observer.without_last(before.speeds)
             speeds = self._observer.update(sample.stamp_ns, sample.position)
             if speeds is None:
                 return self._anew(sample, expected, HARD, silence=unseen)
@@ -183,37 +194,6 @@ class Estimator:
         usual_s += judging_time(self._judging_s, usual_s)
         return Wait(longest_s + judging_s, judging_s, usual_s, interval.late, interval.rare)
 
-    def _unseen(self, sample: Accepted, since: Estimate, held: bool) -> Silence | None:
-        """Region in which the joints may have been since an earlier sample; None if its reachable box covers the time.
-
-        The joints brake as soon as a silence is noticed, and not before. Between the two end positions, no joint was
-        farther beyond them than half of the difference between the longest possible path and their distance, unless it
-        may have turned the other way. A robot that a stop held stays there, except for motion at recovery speed.
-        """
-        passed, age_s = passed_s(sample, since), since.prediction_delay_s - since.expected_s  # the age when it came
-        covered_s = since.expected_s + self._latency_s  # after the first sample nothing is expected yet
-        if passed <= (min(covered_s, self._stale_s) if since.expected_s else self._stale_s):
-            return None
-        free_s = age_s + min(passed, self._stale_s + self._heartbeat_s) + self._latency_s
-        if held and since.standing_s >= self._stale_s:
-            ways = [self._recovery * fastest for fastest in self._box.longest(free_s)]
-            moved, errors = self._jumps.moved(sample.position, since.position), self._box.errors
-            rows = list(zip(since.position, moved, ways, errors, strict=True))
-            smallest_margins = tuple([q + min(step, 0.0) - way - e for q, step, way, e in rows])
-            return Silence(smallest_margins, tuple([q + max(step, 0.0) + way + e for q, step, way, e in rows]))
-        if passed <= self._stale_s:  # nobody has noticed anything
-            ahead, back = self._box.going(since.speeds, age_s + passed)
-        else:
-            ahead, back = self._box.until_rest(since.speeds, free_s)
-        moved, longest = self._jumps.moved(sample.position, since.position), self._box.longest(age_s + passed)
-        low, high = [], []
-        joints = zip(since.position, moved, ahead, back, longest, self._turns, self._box.errors, strict=True)
-        for q, way, up, down, most, turn, e in joints:
-            beyond = max(0.5 * (most - abs(way)), 0.0) if most + abs(way) < turn - 2.0 * e else most
-            low.append(q + max(min(way, 0.0) - beyond, min(-down, way)) - e)
-            high.append(q + min(max(way, 0.0) + beyond, max(up, way)) + e)
-        return Silence(tuple(low), tuple(high))
-
     def _anew(
         self,
         sample: Accepted,
@@ -270,7 +250,7 @@ class Estimator:
             standing_s,
             wait.judging_s,
             degraded or velocities.fault,
-            branch_lost or suspicion.branch_lost,
+            branch_lost or (silence.fault if silence is not None else "") or suspicion.branch_lost,
             silence,
             age_s + wait.usual_s if excused else None,
         )
