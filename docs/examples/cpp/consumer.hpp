@@ -24,10 +24,13 @@ class Consumer {
   void hear(int level, std::uint64_t sequence, double speed_scale, std::int64_t now_ns, double age_s = 0.0) {
     const bool follows = any_ && sequence > sequence_ && is_fresh(now_ns);
     following_ = follows ? following_ + 1 : 0;
+    begun_ns_ = follows ? begun_ns_ : now_ns;
     heard_ns_ = now_ns, sequence_ = sequence, any_ = true;
     const bool allows = level == kOk || level == kWarn || (gated_ && level == kStop);
     const bool timely = std::abs(age_s) <= timeout_s_;  // false for NaN
-    const bool known = allows && timely && speed_scale > 0.0 && speed_scale <= 1.0 && following_ >= kInSequence;
+    const bool lasting = static_cast<double>(now_ns - begun_ns_) >= timeout_s_ * 1e9;
+    const bool in_sequence = following_ >= kInSequence && lasting;
+    const bool known = allows && timely && speed_scale > 0.0 && speed_scale <= 1.0 && in_sequence;
     scale_ = known ? (gated_ ? 1.0 : speed_scale) : 0.0;
     note(scale_);
   }
@@ -58,7 +61,7 @@ class Consumer {
   double timeout_s_, scale_ = 0.0;
   bool gated_, any_ = false, braking_ = true;
   int following_ = 0;
-  std::int64_t heard_ns_ = 0;
+  std::int64_t heard_ns_ = 0, begun_ns_ = 0;
   std::uint64_t sequence_ = 0, brakes_ = 0;
 };
 

@@ -1,8 +1,9 @@
 """Rules for a consumer of verdicts: a drive, a controller or a gateway. Standard library only, no ROS.
 
 A verdict is valid as long as it is fresh. At the beginning, after a silence, and after a verdict out of sequence,
-motion is allowed from the third verdict in sequence: the first may be the latched last verdict of a supervisor that is
-frozen or has ended, and the verdicts of two supervisors on one topic are never in sequence.
+verdicts have to come in sequence for the time-out before motion is allowed: the first may be the latched last verdict
+of a supervisor that is frozen or has ended, and the verdicts of two supervisors on one topic are not in sequence for so
+long. A STOP or UNKNOWN ends motion until the second verdict after it.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ TIMEOUT_S = 0.1
 """s without a verdict after which a consumer brakes; the shipped supervisor publishes every 10 ms."""
 
 IN_SEQUENCE = 2
-"""Number of verdicts in sequence before motion is allowed."""
+"""Number of verdicts that follow another before motion is allowed."""
 
 
 class Consumer:
@@ -29,7 +30,7 @@ class Consumer:
         if not 0.0 < timeout_s < inf:
             raise ValueError(f"the timeout must be positive and finite, got {timeout_s!r} s")
         self._timeout_s, self._gated = timeout_s, gated
-        self._heard_ns = 0
+        self._heard_ns = self._begun_ns = 0  # of the last verdict, and of the first of those in sequence
         self._sequence = self._following = -1  # of the last verdict; how many in a row followed their predecessors
         self._scale = 0.0
         self._braking = True
@@ -41,10 +42,12 @@ class Consumer:
         known, which forbids motion."""
         follows = sequence > self._sequence >= 0 and self._is_fresh(now_ns)
         self._following = self._following + 1 if follows else 0
+        self._begun_ns = self._begun_ns if follows else now_ns
         self._heard_ns, self._sequence = now_ns, sequence
         allows = level in (OK, WARN) or (self._gated and level == STOP)
         timely = -self._timeout_s <= age_s <= self._timeout_s
-        known = allows and timely and 0.0 < speed_scale <= 1.0 and self._following >= IN_SEQUENCE
+        in_sequence = self._following >= IN_SEQUENCE and now_ns - self._begun_ns >= self._timeout_s * 1e9
+        known = allows and timely and 0.0 < speed_scale <= 1.0 and in_sequence
         self._scale = (1.0 if self._gated else speed_scale) if known else 0.0
         self._note(self._scale)
 

@@ -60,17 +60,26 @@ def test_a_gated_consumer_is_led_out_of_a_stop_by_the_gate():
     assert consumer.allowed(120 * MS) == 0.0
 
 
-def test_silence_brakes_and_the_third_verdict_in_sequence_ends_it():
+def test_silence_brakes_and_verdicts_in_sequence_for_the_time_out_end_it():
     consumer = moving()
     assert consumer.allowed(200 * MS) == 1.0
     assert consumer.allowed(200 * MS + 1) == 0.0
     assert consumer.allowed(150 * MS) == 0.0  # what has run out stays so
     assert consumer.brakes == 1
-    for number, expected in enumerate((0.0, 0.0, 1.0)):
+    for number in range(12):
         now = (300 + BEAT_MS * number) * MS
         consumer.hear(OK, 200 + number, 1.0, now)
-        assert consumer.allowed(now) == expected
+        assert consumer.allowed(now) == (1.0 if number >= 10 else 0.0)
     assert consumer.brakes == 1
+
+
+def test_the_second_verdict_after_a_stop_allows_motion():
+    consumer = moving()
+    consumer.hear(STOP, 111, 0.0, 110 * MS)
+    for number, expected in enumerate((0.0, 1.0, 1.0)):
+        now = (120 + BEAT_MS * number) * MS
+        consumer.hear(OK, 112 + number, 1.0, now)
+        assert consumer.allowed(now) == expected
 
 
 def test_the_latched_last_word_of_a_supervisor_that_is_gone_allows_nothing():
@@ -84,9 +93,10 @@ def test_a_supervisor_that_starts_again_begins_anew():
     consumer.hear(OK, 1, 1.0, 110 * MS)
     assert consumer.allowed(110 * MS) == 0.0
     assert consumer.brakes == 1
-    consumer.hear(OK, 2, 1.0, 120 * MS)
-    consumer.hear(OK, 3, 1.0, 130 * MS)
-    assert consumer.allowed(130 * MS) == 1.0
+    for number in range(2, 12):
+        assert consumer.allowed((100 + number * BEAT_MS) * MS) == 0.0
+        consumer.hear(OK, number, 1.0, (100 + number * BEAT_MS) * MS)
+    assert consumer.allowed(210 * MS) == 1.0
 
 
 @pytest.mark.parametrize("behind", [0, 1000])
@@ -99,6 +109,23 @@ def test_two_supervisors_on_one_topic_allow_nothing(behind: int):
             consumer.hear(OK, mine + number, 1.0, (number * BEAT_MS + late_ms) * MS)
             allowed.append(consumer.allowed((number * BEAT_MS + late_ms) * MS))
     assert not any(allowed)
+
+
+@pytest.mark.parametrize("fast_ms", [1, 2, 5, 10])
+@pytest.mark.parametrize("slow_ms", [10, 20, 50])
+@pytest.mark.parametrize("behind", [0, 100_000, -100_000])
+def test_a_supervisor_that_speaks_more_often_does_not_outvote_another(fast_ms: int, slow_ms: int, behind: int):
+    """One says OK, the other STOP; whoever began earlier has the larger numbers."""
+    consumer, fast, slow, allowed = Consumer(), 200_000, 200_000 + behind, 0
+    for ms in range(3, 3000):
+        if ms % fast_ms == 0:
+            fast += 1
+            consumer.hear(OK, fast, 1.0, ms * MS)
+        if ms % slow_ms == 0:
+            slow += 1
+            consumer.hear(STOP, slow, 0.0, ms * MS)
+        allowed += consumer.allowed(ms * MS) > 0.0
+    assert not allowed
 
 
 def test_a_repeated_verdict_is_none():
