@@ -12,7 +12,7 @@ import pytest
 pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
 from gated import PATIENCE_S, Opened, set_clock
-from supervised import at_ns, feed, joints_of, ready, resting, sample, supervisor_of, tick
+from supervised import MS, STEADY_NS, at_ns, feed, joints_of, ready, resting, sample, supervisor_of, tick
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from irsbot_msgs_py.records import Floats, JointSample, Level
@@ -268,7 +268,11 @@ def test_commands_before_an_activation_do_not_count_in_it(monkeypatch: pytest.Mo
     assert any(opened.rates(*away))
     opened.gate.close()
     begin = tuple(q - 0.1 for q in joints_of(supervisor, 0.0, -0.85))
-    feed(supervisor, [sample(400 + ms, (begin[0] + 6e-4 * ms, begin[1] + 6e-4 * ms), (0.6, 0.6)) for ms in range(300)])
+    there, last_ms = supervisor.view.at.joints, round((supervisor.view.seen_ns - STEADY_NS) / MS)
+    ways = [(1.0 - ms / 400.0, ms / 400.0) for ms in range(1, 401)]
+    path = [tuple(a * p + b * q for p, q in zip(there, begin, strict=True)) for a, b in ways]
+    path += [(begin[0] + 6e-4 * ms, begin[1] + 6e-4 * ms) for ms in range(1, 301)]
+    feed(supervisor, [sample(last_ms + ms, q, (0.6, 0.6)) for ms, q in enumerate(path, 1)])
     assert supervisor.view.judgement.level == Level.STOP
     opened.gate.open()
     assert not any(opened.rates(0.3, 0.3))

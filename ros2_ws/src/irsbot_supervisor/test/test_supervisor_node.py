@@ -262,4 +262,9 @@ def test_an_error_inside_is_an_unknown_verdict_and_the_node_goes_on(wire: Wire, 
     cell.wire.until(lambda: min(verdict.level for verdict in cell.verdicts[-100:]) == Level.UNKNOWN)
     assert not any(verdict.level == Level.OK for verdict in cell.heard_many(20))
     cell.say = going((3.0, GOOD[1]), GOOD, time.time_ns(), 1.0)
+    judged = cell.heard(lambda verdict: not verdict.causes & Cause.INTERNAL, "a sample that is judged again")[-1]
+    cell.wire.until(lambda: cell.states[-1].joint_position == GOOD)
+    if cell.verdicts[-1].latched:  # it went on although nobody knew where it was: farther than drives that brake
+        assert cell.verdicts[-1].causes & Cause.BRANCH, judged.text
+        assert cell.reset_at_rest(cell.verdicts[-1].event).accepted
     cell.heard_level(Level.OK)
