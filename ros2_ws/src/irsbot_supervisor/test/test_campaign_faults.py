@@ -27,7 +27,7 @@ from irsbot_supervisor.configuration.loading import read_settings
 from irsbot_supervisor.core import assessment, margins
 from irsbot_supervisor.core import supervisor as pipeline
 from irsbot_supervisor.core import validation as intake
-from irsbot_supervisor.core.estimation import frozen, jumps
+from irsbot_supervisor.core.estimation import frozen, jumps, silence
 from irsbot_supervisor.fleet.cluster import Cluster
 from irsbot_supervisor.validation import runner
 from irsbot_supervisor.validation.harness import oracle as truth
@@ -139,6 +139,12 @@ def credulous(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(frozen.Frozen, "look", lambda *_: frozen.Suspicion())
 
 
+def gullible(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same, and nothing happens between two samples."""
+    credulous(monkeypatch)
+    monkeypatch.setattr(silence.Silences, "region", lambda *_, **__: None)
+
+
 def forgetful(monkeypatch: pytest.MonkeyPatch) -> None:
     """The working mode of the legs is not looked at."""
     monkeypatch.setattr(assessment.Assessor, "_mode_fault", lambda *_: "")
@@ -157,7 +163,7 @@ def obliging(monkeypatch: pytest.MonkeyPatch) -> None:
         (patient, delivery.run, job(15)),
         (credulous, delivery.run, job(30)),
         (careless, garbage.run, job(270)),
-        (credulous, loci.run, job(8, "irsbot2")),
+        (gullible, loci.run, job(8, "irsbot2")),
         (forgetful, loci.run, job(30, "irsbot2")),
         (obliging, resets.run, job(200)),
     ],

@@ -39,8 +39,6 @@ class Assessor:
         self._assembly = settings.assembly_mode
         self._lost = ""
         self._before: Posture | None = None  # where the branch was seen last, if labels alone do not tell it
-        self.gaps: Floats = ()
-        """m: assembly clearances of the last sample."""
         self.configure(settings)
 
     def configure(self, settings: Settings) -> None:
@@ -49,25 +47,20 @@ class Assessor:
         self.contact_m = CONTACT_TOL_M + lever * settings.encoder_offset + settings.slack_m
         """m: an assembly clearance below this counts as contact."""
 
-    def assess(self, joints: Floats, lost_track: str, proved: bool = False) -> Assessment:
+    def assess(self, joints: Floats, lost_track: str) -> Assessment:
         """The posture of joint positions. A posture that is not assembled has NaN margins. lost_track: why the branch
-        is unknown from now on, or empty. proved: True if the motion from the last posture met no Type 2 singularity."""
+        is unknown from now on, or empty."""
         self._lost = self._lost or lost_track
-        if proved:
-            self.gaps = ()
         return self._judged(joints, lasting=True)
 
     @property
     def steady(self) -> bool:
-        """True if the branch is known by its label, so that a posture without fault leaves nothing to remember but its
-        assembly clearances."""
+        """True if the branch is known by its label, so that a posture without fault leaves nothing to remember."""
         return not self._lost and self._before is None
 
     def passed(self, joints: Floats) -> Posture:
         """The posture of joint positions that are known to have no fault; the assessor is `steady`."""
-        at = self._mechanism.posture(joints, self._assembly)
-        self.gaps = at.gaps
-        return at
+        return self._mechanism.posture(joints, self._assembly)
 
     def lose(self, why: str) -> None:
         """Mark the branch as lost."""
@@ -91,7 +84,7 @@ class Assessor:
     def _judged(self, joints: Floats, lasting: bool, at: Posture | None = None) -> Assessment:
         at = at or self._posture(joints)
         fault = self._lost if lasting else ""
-        if not (at.status == SOLVED and min(at.gaps) > self.contact_m) or (lasting and self._has_touched(at.gaps)):
+        if not (at.status == SOLVED and min(at.gaps) > self.contact_m):
             # Contact lies between assembled and not assembled: every transition passes it.
             fault = fault or f"the robot touched a Type 2 singularity (gap {min(at.gaps):.2e} m)"
             if lasting:
@@ -103,14 +96,6 @@ class Assessor:
         if lasting and not self._mechanism.label_is_invariant:
             self._before = at
         return Assessment(at, margins_of(at), fault)
-
-    def _has_touched(self, gaps: Floats) -> bool:
-        """True if an assembly clearance may have been 0 between two samples: it is at most half of its change."""
-        before, self.gaps = self.gaps, gaps
-        contact = self.contact_m
-        return bool(before) and any(
-            not gap - 0.5 * abs(gap - last) > contact for gap, last in zip(gaps, before, strict=True)
-        )
 
     def _posture(self, joints: Floats) -> Posture:
         if self._before is None or self._lost:

@@ -42,5 +42,4 @@ class Memory(NamedTuple):
     predictor: StoppingPredictor
     at: Posture | None  # where the last good sample was
     contact_m: float  # an assembly clearance below this counts as contact
-    gaps: Floats  # m: assembly clearances of the last sample
     samples: int  # number of the last sample

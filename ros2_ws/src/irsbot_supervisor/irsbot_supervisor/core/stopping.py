@@ -119,11 +119,11 @@ class StoppingPredictor:
         """Bound a reachable box that the last one does not serve, and keep its bounds for the next samples. A failed
         proof over the wider box is repeated, unless the box differs only by flicker."""
         warn, cuts = self._usual[0][0], self._cuts
-        ends = _wider(low, high, WIDER)
+        ends = wider(low, high, WIDER)
         wide = None if self.in_vain is not None and self.in_vain.serves(low, high) else self._bounds.search(at, *ends)
         if wide is not None and wide.proves(warn, 0):
             return self._keep(ends, wide.certified, _shares(low, high, SMALLER))
-        here = _wider(low, high, SAME)
+        here = wider(low, high, SAME)
         search = self._bounds.search(at, *here)
         goal = next((goal for goal, most in self._usual if search.proves(goal, most)), None)
         share = SMALLER if goal == warn else HARDLY_SMALLER
@@ -175,7 +175,8 @@ def _shares(low: Floats, high: Floats, share: float) -> Floats:
     return tuple([share * (b - a) for a, b in zip(low, high, strict=True)])
 
 
-def _wider(low: Floats, high: Floats, share: float) -> tuple[Floats, Floats]:
+def wider(low: Floats, high: Floats, share: float) -> tuple[Floats, Floats]:
+    """A box with this share of its size added at each end."""
     more = _shares(low, high, share)
     below = tuple([a - step for a, step in zip(low, more, strict=True)])
     return below, tuple([b + step for b, step in zip(high, more, strict=True)])

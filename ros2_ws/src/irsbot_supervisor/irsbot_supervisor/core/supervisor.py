@@ -24,7 +24,8 @@ from irsbot_msgs_py.records import (
 )
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.core.assessment import SOLVED, Assessment, Assessor
-from irsbot_supervisor.core.box_search import BoxBounds, spare_of
+from irsbot_supervisor.core.box_search import spare_of
+from irsbot_supervisor.core.branch_proof import BranchProof
 from irsbot_supervisor.core.escape import NO_ESCAPE, Escape, escape_of
 from irsbot_supervisor.core.estimation.estimate import Estimate
 from irsbot_supervisor.core.estimation.estimator import Estimator
@@ -41,13 +42,9 @@ from irsbot_supervisor.core.seed_pose import seen_posture
 from irsbot_supervisor.core.settings import LEAST_LIMIT, Settings, refuse_other_robot
 from irsbot_supervisor.core.speaker import Speaker
 from irsbot_supervisor.core.stop_monitor import MeasuredStop, StopMonitor
-from irsbot_supervisor.core.stopping import StoppingPredictor, cuts_of, limits_of
+from irsbot_supervisor.core.stopping import StoppingPredictor, limits_of
 from irsbot_supervisor.core.validation import Intake, IntakeMemory, Rejected
 from irsbot_supervisor.core.view import View
-
-APART = (-inf, LEAST_LIMIT, -inf, -inf)
-"""Condition on a silence: that no Type 2 singularity was met."""
-
 
 RESTARTED = "the supervisor was started again, and the robot was not supervised in between: reset it"
 """Reason why the branch is unknown after a restart."""
@@ -75,6 +72,7 @@ class Supervisor:
         self._set(settings)
         self._samples = 0
         self._good: Estimate | None = None
+        self._covered = False  # True if no Type 2 singularity is in the reachable box of the last good sample
         self._begun_ns = self._known_ns = 0  # first good sample, and since when it is known how often samples come
         self._at: Posture | None = None  # where the last good sample was
         self._last: Moment | None = None  # the margins there
@@ -118,7 +116,7 @@ class Supervisor:
         mechanism = self.robot.mechanism
         self.settings = settings
         self._predictor = StoppingPredictor(settings, mechanism)
-        self._bounds = BoxBounds(mechanism, settings.slack_m)
+        self._proof = BranchProof(settings, mechanism)
         self._stop = limits_of(settings, "stop")
         self._policy = Policy(settings, mechanism.joints)
         self._position = PositionLimits(settings, mechanism.joints)
@@ -232,7 +230,6 @@ class Supervisor:
             self._predictor,
             self._at,
             self._assessor.contact_m,
-            self._assessor.gaps,
             self._samples,
         )
 
@@ -243,7 +240,7 @@ class Supervisor:
         assert last is not None
         self._intake.remember(intake)
         self._estimator.remember(estimator)
-        self._good, self._at = last, self._assessor.passed(last.position)
+        self._good, self._at, self._covered = last, self._assessor.passed(last.position), True
         self._last = Moment(last.stamp_ns, margins_of(self._at))
         self._samples += samples
 
@@ -306,7 +303,7 @@ class Supervisor:
         accepted = self._intake.check(sample)
         if isinstance(accepted, Rejected):
             return self._rejected(sample, accepted, report)
-        estimate = self._estimator.update(accepted, self._was_held(), followed=self._good)
+        estimate = self._estimator.update(accepted, self._was_held(), followed=self._good, covered=self._covered)
         if isinstance(estimate, Rejected):
             return self._rejected(sample, estimate, report)
         assessment = self._assess(estimate)
@@ -322,10 +319,11 @@ class Supervisor:
         if first:
             self._begun_ns = sample.seen_ns
             self._learn(sample.seen_ns)
-        self._good, self._at, self._stale, self._silence = estimate, at, False, []
+        self._good, self._at, self._stale, self._silence, self._covered = estimate, at, False, [], False
         self._watch_pace(estimate)
         # At the first sample the speeds are unknown, and a box of all speeds would take milliseconds to no effect.
         certified = self._predictor.predict(at, estimate.speeds, estimate.prediction_delay_s, search=not first)
+        self._covered = certified[1] >= LEAST_LIMIT
         reaction = self._reporter.reaction(estimate, assessment)
         # While the interval is learned the level is UNKNOWN anyway: until then the posture alone stops a robot at rest.
         waits = first or (sample.seen_ns < self._known_ns and estimate.standing_s > 0.0)
@@ -440,6 +438,7 @@ class Supervisor:
         if not refusal or lost > self._latch.lost:
             self._assessor.confirm(seen)
             self._found, self._at, self._predictor = active, at, predictor
+            self._covered = certified is not None and certified[1] >= LEAST_LIMIT
         return refusal
 
     def _bypass(self, wish: Bypass) -> str:
@@ -448,15 +447,16 @@ class Supervisor:
         return self._latch.bypass(wish, self.standing, self._found)
 
     def _assess(self, estimate: Estimate) -> Assessment:
-        """The posture. After a time without samples that the last box does not cover, the branch is known if no Type 2
-        singularity can have been met."""
+        """The posture. Where the last box does not cover the time since the last sample, the branch is known if no Type
+        2 singularity can have been met."""
         silence, lost, at = estimate.silence, estimate.branch_lost, self._at
-        proved = silence is not None and not lost and at is not None and not self._assessor.lost
-        if proved and silence is not None and at is not None:
-            certified = self._bounds.least(at, silence.low, silence.high, APART, cuts_of(self.robot.mechanism))
-            if not certified[1] >= LEAST_LIMIT:
-                proved, lost = False, "the robot may have met a Type 2 singularity while no samples came"
-        return self._assessor.assess(estimate.position, lost, proved=proved)
+        if silence is not None and not lost and at is not None and not self._assessor.lost:
+            if not self._proof.holds(at, silence):
+                when = "between two samples" if silence.in_time else "while no samples came"
+                lost = f"the robot may have met a Type 2 singularity {when}"
+        else:
+            self._proof.forget()
+        return self._assessor.assess(estimate.position, lost)
 
 
 def _causes(findings: list[Finding]) -> int:

@@ -15,12 +15,13 @@ class Speeds(NamedTuple):
 
 
 class Silence(NamedTuple):
-    """Region in which the joints may have been between two samples that are farther apart than the stopping prediction
-    covers."""
+    """Region in which the joints may have been between two samples whose stopping prediction does not show that no Type
+    2 singularity was met: it covers less time, or may contain one."""
 
     low: Floats  # rad or m
     high: Floats
     fault: str = ""  # empty, or why the joints cannot have moved as they did
+    in_time: bool = False  # True if the prediction covers the time
 
 
 class Estimate(NamedTuple):

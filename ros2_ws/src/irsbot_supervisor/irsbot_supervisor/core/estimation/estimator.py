@@ -18,7 +18,7 @@ from irsbot_supervisor.core.estimation.sample_interval import (
     SecondLargest,
     judging_time,
 )
-from irsbot_supervisor.core.estimation.silence import Silences
+from irsbot_supervisor.core.estimation.silence import Known, Silences
 from irsbot_supervisor.core.memory import EstimatorMemory, Standstill
 from irsbot_supervisor.core.reachable_box import ReachableBox
 from irsbot_supervisor.core.settings import Settings
@@ -104,10 +104,14 @@ class Estimator:
         self._frozen.still = memory.still
         self._rest, self._rest_ns, self._stood_ns = memory.standstill
 
-    def update(self, sample: Accepted, held: bool = False, followed: Estimate | None = None) -> Estimate | Rejected:
-        """The estimate for a sample, or the reason why the sample contradicts the earlier motion. followed: the last
-        estimate of which the posture was judged, if it is not the last one; a silence is counted from there. held: a
-        latched stop held the robot then, and holds it still."""
+    def update(
+        self, sample: Accepted, held: bool = False, followed: Estimate | None = None, covered: bool = True
+    ) -> Estimate | Rejected:
+        """The estimate for a sample, or the reason why the sample contradicts the earlier motion.
+
+        followed: the last estimate of which the posture was judged, if it is not the last one; a silence is counted
+        from there. held: a latched stop held the robot then, and holds it still. covered: no Type 2 singularity is in
+        its reachable box; if not, the robot is stopped."""
         last, jumps = self._last, self._jumps
         if last is None:
             return self._anew(sample, Wait(0.0, 0.0, 0.0, False, False))
@@ -123,18 +127,21 @@ class Estimator:
         too_far = jumps.too_far(moved, span)
         since = followed or last
         way = moved if since is last else jumps.moved(sample.position, since.position)
-        unseen = self._silences.region(since, passed_s(sample, since), way, held)
+        unseen = self._silences.region(
+            since, passed_s(sample, since), way, held, Known.COVERED if covered else Known.STOPPED
+        )
         if too_far and not jumps.away and self._last_was_wrong(sample):
             before = self._before
             assert before is not None
             self._wrong_ns = sample.seen_ns
             if before.seen_ns < since.seen_ns:  # the last one does not count
-                way = jumps.moved(sample.position, before.position)
-                unseen = self._silences.region(before, passed_s(sample, before), way, held)
+                since, way = before, jumps.moved(sample.position, before.position)
+                unseen = self._silences.region(since, passed_s(sample, since), way, held, Known.SPEEDS)
             expected = self._expected(sample, passed, passed)
             self._observer.without_last(before.speeds)
             speeds = self._observer.update(sample.stamp_ns, sample.position)
             if speeds is None:
+                unseen = self._silences.region(since, passed_s(sample, since), way, held, Known.NOTHING)
                 return self._anew(sample, expected, HARD, silence=unseen)
             return self._keep(sample, speeds, expected, HARD, silence=unseen)
         if fault := jumps.fault(sample, last, moved, too_far, span):
@@ -150,6 +157,7 @@ class Estimator:
             return self._anew(sample, expected, silence=unseen, suspicion=suspicion)
         speeds = self._observer.update(sample.stamp_ns, sample.position)
         if speeds is None:
+            unseen = self._silences.region(since, passed_s(sample, since), way, held, Known.NOTHING)
             return self._anew(sample, expected, HARD, silence=unseen, suspicion=suspicion)
         return self._keep(sample, speeds, expected, silence=unseen, suspicion=suspicion)
 

@@ -1,4 +1,5 @@
-"""Where the joints may have been while no samples came: docs/explanation/guarantee.md, "After a gap".
+"""Where the joints may have been while no samples came, and near Type 2 between two samples:
+docs/explanation/guarantee.md, "After a gap" and "Between two samples near Type 2".
 
 The drives brake when UNKNOWN is published, at the latest `stale_s` + `heartbeat_s` after the last sample. They were
 free for longer if the supervisor itself was silent then, or if its settings were others.
@@ -6,12 +7,23 @@ free for longer if the supervisor itself was silent then, or if its settings wer
 
 from __future__ import annotations
 
+from enum import Enum, auto
+
 from irsbot_kinematics.mechanism import Coordinate
 from irsbot_msgs_py.records import Floats
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.core.estimation.estimate import Estimate, Silence
 from irsbot_supervisor.core.reachable_box import ReachableBox
 from irsbot_supervisor.core.settings import Settings
+
+
+class Known(Enum):
+    """What is known of the motion since the earlier sample."""
+
+    COVERED = auto()  # no Type 2 singularity is in the reachable box
+    STOPPED = auto()  # one may be: so the robot is stopped
+    SPEEDS = auto()  # only the speeds
+    NOTHING = auto()  # not even them: a joint seems to have moved harder than its acceleration limit allows
 
 
 class Silences:
@@ -42,7 +54,7 @@ class Silences:
         self.keep(since_ns)
         self._noticed_s = max(self._noticed_s, (brakes_ns - since_ns) / NS_PER_S)
 
-    def region(self, since: Estimate, passed_s: float, moved: Floats, held: bool) -> Silence | None:
+    def region(self, since: Estimate, passed_s: float, moved: Floats, held: bool, known: Known) -> Silence | None:
         """Region in which the joints may have been since an earlier sample; None if its reachable box covers the time.
 
         passed_s: s since then. moved: rad or m, the displacement that is seen now. held: a latched stop held the robot
@@ -50,7 +62,8 @@ class Silences:
 
         The joints brake as soon as a silence is noticed, and not before. Between the two end positions, no joint was
         farther beyond them than half of the difference between the longest possible path and their distance, unless it
-        may have turned the other way. A robot that a stop held stays there, except for motion at recovery speed.
+        may have turned the other way. A robot that a stop held stays there, except for motion at recovery speed. Also a
+        stopped robot is in the last box that was free of Type 2, or moves at recovery speed.
         """
         settings, box = self._settings, self._box
         noticed_s, latency_s = settings.stale_s + settings.heartbeat_s, settings.latency_s
@@ -58,11 +71,17 @@ class Silences:
         if since.seen_ns == self._since_ns:
             noticed_s, latency_s = max(noticed_s, self._noticed_s), max(latency_s, self._latency_s)
             covered_s = min(covered_s, since.expected_s + self._covered_s)
-        if passed_s <= (min(covered_s, settings.stale_s) if since.expected_s else settings.stale_s):
+        in_time = passed_s <= (min(covered_s, settings.stale_s) if since.expected_s else settings.stale_s)
+        if in_time and known == Known.COVERED:
             return None
         age_s = since.prediction_delay_s - since.expected_s  # when it came
         free_s = age_s + min(passed_s, noticed_s) + latency_s
-        if held and since.standing_s >= settings.stale_s:
+        longest = box.longest(age_s + passed_s)
+        if known == Known.NOTHING:
+            ahead = back = longest
+        elif in_time and known == Known.STOPPED:
+            ahead = back = longest = [settings.recovery_share * way for way in longest]
+        elif held and since.standing_s >= settings.stale_s:
             ahead = back = box.recovering(settings.recovery_share, free_s)
         elif passed_s <= settings.stale_s:  # nobody has noticed anything
             ahead, back = box.going(since.speeds, age_s + passed_s)
@@ -70,14 +89,12 @@ class Silences:
             ahead, back = box.until_rest(since.speeds, free_s)
         fault = self._too_far(moved, ahead, back) if passed_s > settings.stale_s else ""
         low, high = [], []
-        joints = zip(
-            since.position, moved, ahead, back, box.longest(age_s + passed_s), self._turns, box.errors, strict=True
-        )
+        joints = zip(since.position, moved, ahead, back, longest, self._turns, box.errors, strict=True)
         for q, way, up, down, most, turn, e in joints:
             beyond = max(0.5 * (most - abs(way)), 0.0) if most + abs(way) < turn - 2.0 * e else most
             low.append(q + max(min(way, 0.0) - beyond, min(-down, way)) - e)
             high.append(q + min(max(way, 0.0) + beyond, max(up, way)) + e)
-        return Silence(tuple(low), tuple(high), fault)
+        return Silence(tuple(low), tuple(high), fault, in_time)
 
     def _too_far(self, moved: Floats, ahead: list[float], back: list[float]) -> str:
         """Why the joints cannot have moved as they did; empty if they can, also by more than half a turn."""

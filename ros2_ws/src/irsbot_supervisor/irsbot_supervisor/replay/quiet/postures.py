@@ -44,18 +44,16 @@ class PostureColumns:
 
 
 def postures(
-    mechanism: Mechanism, joints: Values, modes: tuple[tuple[int, ...], int], contact_m: float, gaps: tuple[float, ...]
+    mechanism: Mechanism, joints: Values, modes: tuple[tuple[int, ...], int], contact_m: float
 ) -> PostureColumns:
     """Postures of joints (N, n). modes: working mode and assembly mode of the settings. contact_m: clearance that
-    counts as contact. gaps: m, of the posture before; empty if none is known."""
+    counts as contact."""
     working, assembly = modes
     with np.errstate(all="ignore"):
         q = tuple(np.ascontiguousarray(column) for column in joints.T)
         pose, legs, found, clear = assembled(mechanism, q, assembly)
         _, cosines = statics.pressure_cosines(ARRAYS, legs.screws, legs.attachments)
         clearances = np.stack(found, axis=1)
-        before = np.concatenate([[gaps or clearances[0]], clearances[:-1]])
-        clear &= (clearances - 0.5 * np.abs(clearances - before) > contact_m + GUARD).all(1)
         clear &= (clearances > contact_m + GUARD).all(1)
         for sign, sine in zip(working, legs.normalised_levers, strict=True):
             clear &= sign * sine > SIGN_DEAD_BAND + GUARD

@@ -102,7 +102,7 @@ class Strides:
         memory = supervisor.memory
         with np.errstate(all="ignore"):
             motion = self._motion.over(joints, before)
-            found = postures(self._mechanism, joints.position, self._modes, memory.contact_m, memory.gaps)
+            found = postures(self._mechanism, joints.position, self._modes, memory.contact_m)
             bounds = self._mechanism.certified_bounds_many(found.legs, list(found.gaps.T), list(motion.half))
             certified = four_margins(bounds, len(joints))
             spare = (certified - self._release).min(1)
