@@ -16,9 +16,11 @@
 
 namespace irsbot {
 
+constexpr double kTimeout = 0.1;  // s
+
 class Consumer {
  public:
-  explicit Consumer(double timeout_s = 0.1, bool gated = false) : timeout_s_(timeout_s), gated_(gated) {}
+  explicit Consumer(double timeout_s = kTimeout, bool gated = false) : timeout_s_(timeout_s), gated_(gated) {}
 
   // A verdict has come. now_ns: steady clock. age_s: by the clock that stamps, now minus the stamp of the verdict.
   void hear(int level, std::uint64_t sequence, double speed_scale, std::int64_t now_ns, double age_s = 0.0) {
@@ -28,7 +30,7 @@ class Consumer {
     heard_ns_ = now_ns, sequence_ = sequence, any_ = true;
     const bool allows = level == kOk || level == kWarn || (gated_ && level == kStop);
     const bool timely = std::abs(age_s) <= timeout_s_;  // false for NaN
-    const bool lasting = static_cast<double>(now_ns - begun_ns_) >= timeout_s_ * 1e9;
+    const bool lasting = static_cast<double>(now_ns - begun_ns_) >= std::fmax(timeout_s_, kTimeout) * 1e9;
     const bool in_sequence = following_ >= kInSequence && lasting;
     const bool known = allows && timely && speed_scale > 0.0 && speed_scale <= 1.0 && in_sequence;
     scale_ = known ? (gated_ ? 1.0 : speed_scale) : 0.0;

@@ -1,9 +1,9 @@
 """Rules for a consumer of verdicts: a drive, a controller or a gateway. Standard library only, no ROS.
 
 A verdict is valid as long as it is fresh. At the beginning, after a silence, and after a verdict out of sequence,
-verdicts have to come in sequence for the time-out before motion is allowed: the first may be the latched last verdict
-of a supervisor that is frozen or has ended, and the verdicts of two supervisors on one topic are not in sequence for so
-long. A STOP or UNKNOWN ends motion until the second verdict after it.
+verdicts have to come in sequence for 0.1 s, or the time-out if it is longer, before motion is allowed: the first may be
+the latched last verdict of a supervisor that is frozen or has ended, and the verdicts of two supervisors on one topic
+are not in sequence for so long. A STOP or UNKNOWN ends motion until the second verdict after it.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ class Consumer:
         if not 0.0 < timeout_s < inf:
             raise ValueError(f"the timeout must be positive and finite, got {timeout_s!r} s")
         self._timeout_s, self._gated = timeout_s, gated
+        self._sequence_s = max(timeout_s, TIMEOUT_S)  # several verdicts of the slowest supervisor
         self._heard_ns = self._begun_ns = 0  # of the last verdict, and of the first of those in sequence
         self._sequence = self._following = -1  # of the last verdict; how many in a row followed their predecessors
         self._scale = 0.0
@@ -46,7 +47,7 @@ class Consumer:
         self._heard_ns, self._sequence = now_ns, sequence
         allows = level in (OK, WARN) or (self._gated and level == STOP)
         timely = -self._timeout_s <= age_s <= self._timeout_s
-        in_sequence = self._following >= IN_SEQUENCE and now_ns - self._begun_ns >= self._timeout_s * 1e9
+        in_sequence = self._following >= IN_SEQUENCE and now_ns - self._begun_ns >= self._sequence_s * 1e9
         known = allows and timely and 0.0 < speed_scale <= 1.0 and in_sequence
         self._scale = (1.0 if self._gated else speed_scale) if known else 0.0
         self._note(self._scale)

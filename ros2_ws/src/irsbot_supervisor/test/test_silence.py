@@ -138,7 +138,7 @@ def test_a_robot_that_a_stop_holds_moves_at_recovery_speed_in_a_silence():
     steps = feed(supervisor, resting(1, 300, q))
     assert (newest(steps).level, newest(steps).latched) == (Level.STOP, True)
     settings = supervisor.settings
-    rate = settings.recovery_share * settings.velocity_limit[0]
+    rate = settings.recovery_share * settings.velocity_limit[0] + settings.standstill_speed
     free_s = settings.stale_s + settings.heartbeat_s + settings.latency_s
     most = rate * free_s + 0.5 * rate**2 / settings.deceleration_limit[0]
     steps = feed(supervisor, resting(700, 900, (q[0], q[1] + 0.98 * most)))

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from itertools import product
-from math import acos, cos, isnan, pi, tau
+from math import cos, isnan, tau
 
 import numpy as np
 import pytest
-from near_type2 import FREE, STAND_MS, along, distance_m, out_s, standing
+from near_type2 import FREE, STAND_MS, along, distance_m, out_s, standing, until_type2
 from supervised import (
     MS,
     configure,
@@ -223,26 +222,6 @@ def still(supervisor: Supervisor, position: Floats, begin_ms: int, end_ms: int) 
     return [sample(ms, position, names=supervisor.settings.joint_names) for ms in range(begin_ms, end_ms)]
 
 
-def until_type2(supervisor: Supervisor) -> tuple[Floats, Floats]:
-    """Where a robot may stand, and a way from there to a Type 2 singularity."""
-    mechanism, name = supervisor.robot.mechanism, supervisor.robot.name
-    if name == "irsbot2_beta45":  # the cranks stand mirrored; its elbows meet where b0 + l1 cos q2 = 0
-        away = joints_of(supervisor, 0.0, -0.8)[1]
-        way = -acos(-mechanism.geometry.b0 / mechanism.geometry.l1) - away
-        return (-pi - away, away), (-way, way)
-    start = FREE if name == "rails3" else joints_of(supervisor, 0.0, 0.0, 0.0)
-    ways = []
-    for signs in product((-1.0, 0.0, 1.0), repeat=len(start)):
-        at, way, step = mechanism.posture(start, supervisor.settings.assembly_mode), 0.0, 1e-2
-        while any(signs) and step > 1e-10 and way < 2.0:
-            there = tuple(q + (way + step) * sign for q, sign in zip(start, signs, strict=True))
-            found = mechanism.track(there, at)
-            at, way, step = (found, way + step, step) if found.status == irs.Status.SOLVED else (at, way, 0.5 * step)
-        if min(at.cos_pressure) < 1e-2:
-            ways.append(tuple(way * sign for sign in signs))
-    return start, min(ways, key=lambda way: max(map(abs, way)))
-
-
 ALWAYS = {"reaction_check": "stop", "reaction_limit_n": 1e-9}
 ROBOTS = ("rails3", "orthoglide", "irsbot2_beta45")
 
@@ -253,7 +232,7 @@ ROBOTS = ("rails3", "orthoglide", "irsbot2_beta45")
 def test_a_stopped_robot_that_is_moved_to_type_2_and_back_has_lost_its_branch(robot, wrong, shift_ms):
     """By hand, with the drives off: no sample has to show the contact, neither for its time nor for its errors."""
     supervisor = supervisor_of(robot)
-    steps = by_hand(supervisor, *until_type2(supervisor), wrong, shift_ms)
+    steps = by_hand(supervisor, *until_type2(robot), wrong, shift_ms)
     assert newest(steps).causes & Cause.BRANCH
     assert newest(steps).latched
 
@@ -261,6 +240,6 @@ def test_a_stopped_robot_that_is_moved_to_type_2_and_back_has_lost_its_branch(ro
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_a_stopped_robot_that_is_moved_near_type_2_and_back_keeps_its_branch(robot):
     supervisor = supervisor_of(robot)
-    start, way = until_type2(supervisor)
+    start, way = until_type2(robot)
     steps = by_hand(supervisor, start, tuple(0.9 * step for step in way), 0.98, 0.0)
     assert not any(one.causes & Cause.BRANCH for one in expectation(steps))

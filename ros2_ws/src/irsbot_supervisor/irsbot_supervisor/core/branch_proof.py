@@ -31,11 +31,12 @@ class BranchProof:
         """True if the branch of a posture is that of the robot after a silence. at: at its begin."""
         if self._free is not None and _lies_in((silence.low, silence.high), self._free):
             return True
-        if silence.in_time:  # as may be the samples that follow
-            self._free = wider(silence.low, silence.high, WIDER)
-            if self._is_free(at, *self._free, self._cuts // 2):
-                return True
         self._free = None
+        if silence.in_time:  # as may be the samples that follow
+            wide = wider(silence.low, silence.high, WIDER)
+            if self._is_free(at, *wide, self._cuts // 2):
+                self._free = wide
+                return True
         return self._is_free(at, silence.low, silence.high, self._cuts // 2 if silence.in_time else self._cuts)
 
     def _is_free(self, at: Posture, low: Floats, high: Floats, cuts: int) -> bool:

@@ -10,6 +10,7 @@ from irsbot_kinematics.mechanism import Coordinate
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.core.estimation.estimate import Estimate
 from irsbot_supervisor.core.estimation.jumps import Jumps
+from irsbot_supervisor.core.reachable_box import recovery_speeds
 from irsbot_supervisor.core.settings import Settings
 
 
@@ -25,8 +26,7 @@ class Pace:
     def configure(self, settings: Settings) -> None:
         """Take in new limits."""
         self._jumps.configure(settings)
-        share, slow = settings.recovery_share, settings.standstill_speed
-        self._most = tuple([share * fastest + slow for fastest in settings.velocity_limit])
+        self._most = recovery_speeds(settings)
         self._errors = tuple(
             [settings.encoder_resolution + 2.0 * settings.stamp_jitter_s * v for v in settings.velocity_limit]
         )

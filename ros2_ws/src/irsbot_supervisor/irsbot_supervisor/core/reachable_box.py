@@ -23,6 +23,7 @@ class ReachableBox:
             zip(settings.acceleration_limit, settings.velocity_limit, settings.deceleration_limit, strict=True)
         )
         self._error, self._jitter_s = position_error(settings), settings.stamp_jitter_s
+        self._recovery = recovery_speeds(settings)
         self.errors = self.errors_at(settings.velocity_limit)
         """rad or m: largest error of a joint position at the time of its stamp."""
 
@@ -38,10 +39,14 @@ class ReachableBox:
             backward.append(forward[-1] if up == down else _until_rest(down, gain, fastest, brake, free_s))
         return forward, backward
 
-    def recovering(self, share: float, free_s: float) -> list[float]:
-        """rad or m in each direction until the joints stand, at recovery speed: this share of V."""
-        speeds = [(share * fastest, brake) for _gain, fastest, brake in self._limits]
-        return [rate * free_s + 0.5 * rate * rate / brake for rate, brake in speeds]
+    def recovering(self, free_s: float) -> list[float]:
+        """rad or m in each direction until joints stand that move at recovery speed."""
+        limits = zip(self._recovery, self._limits, strict=True)
+        return [rate * free_s + 0.5 * rate * rate / brake for rate, (_gain, _fastest, brake) in limits]
+
+    def slowly(self, span_s: float) -> list[float]:
+        """rad or m: largest displacement of each joint within a time at recovery speed."""
+        return [rate * span_s for rate in self._recovery]
 
     def following(self, rates: Floats, first_s: float, last_s: float) -> tuple[list[float], list[float]]:
         """rad or m: lowest and highest displacements of joints that keep their rates and brake together between
@@ -90,3 +95,8 @@ def _until_rest(v: float, gain: float, fastest: float, brake: float, free_s: flo
 def position_error(settings: Settings) -> float:
     """rad or m: largest error of a measured joint position."""
     return 0.5 * settings.encoder_resolution + settings.encoder_offset
+
+
+def recovery_speeds(settings: Settings) -> Floats:
+    """rad/s or m/s: up to these speeds joints count as moving at recovery speed."""
+    return tuple([settings.recovery_share * fastest + settings.standstill_speed for fastest in settings.velocity_limit])

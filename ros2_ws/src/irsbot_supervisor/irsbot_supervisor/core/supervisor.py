@@ -30,6 +30,7 @@ from irsbot_supervisor.core.escape import NO_ESCAPE, Escape, escape_of
 from irsbot_supervisor.core.estimation.estimate import Estimate
 from irsbot_supervisor.core.estimation.estimator import Estimator
 from irsbot_supervisor.core.estimation.sample_interval import SETTLING
+from irsbot_supervisor.core.estimation.silence import Known
 from irsbot_supervisor.core.events import Configure, Event, Step
 from irsbot_supervisor.core.latch import Latch
 from irsbot_supervisor.core.margins import Margins, margins_of
@@ -37,6 +38,7 @@ from irsbot_supervisor.core.memory import EstimatorMemory, Memory
 from irsbot_supervisor.core.pace import Pace
 from irsbot_supervisor.core.policy import Policy
 from irsbot_supervisor.core.position_limits import PositionLimits
+from irsbot_supervisor.core.reachable_box import ReachableBox
 from irsbot_supervisor.core.report import Moment, Reporter, governing
 from irsbot_supervisor.core.seed_pose import seen_posture
 from irsbot_supervisor.core.settings import LEAST_LIMIT, Settings, refuse_other_robot
@@ -77,7 +79,9 @@ class Supervisor:
         self._at: Posture | None = None  # where the last good sample was
         self._last: Moment | None = None  # the margins there
         self._judged: tuple[Margins, Margins] | None = None  # margins of the last sample, now and until standstill
-        self._stopped: tuple[int, int] | None = None  # latched stop at the last good sample: its number, since when, ns
+        self._event: int | None = None  # number of the latched stop at the last good sample
+        self._stands_ns: int | None = None  # from then on a stopped robot stands; None while nothing stops it
+        self._loose_ns = 0  # until then a stopped robot may move as its drives can
         self._stale = False
         self._found: list[Finding] = []
         self._found_until_ns = FOREVER  # end of the findings of a rejected sample
@@ -122,7 +126,7 @@ class Supervisor:
         self._position = PositionLimits(settings, mechanism.joints)
         self._reporter = Reporter(settings, mechanism, self.robot.name)
         self._stale_ns = round(settings.stale_s * NS_PER_S)
-        self._brakes_ns = round((settings.heartbeat_s + settings.latency_s) * NS_PER_S)
+        self._box = ReachableBox(settings)
         self._noticed_ns = round((settings.stale_s + settings.heartbeat_s) * NS_PER_S)
 
     def _configure(self, change: Configure) -> None:
@@ -303,7 +307,7 @@ class Supervisor:
         accepted = self._intake.check(sample)
         if isinstance(accepted, Rejected):
             return self._rejected(sample, accepted, report)
-        estimate = self._estimator.update(accepted, self._was_held(), followed=self._good, covered=self._covered)
+        estimate = self._estimator.update(accepted, self._was_held(), followed=self._good, known=self._known())
         if isinstance(estimate, Rejected):
             return self._rejected(sample, estimate, report)
         assessment = self._assess(estimate)
@@ -315,7 +319,7 @@ class Supervisor:
             causes = _causes(self._found)
             told = self._reporter.unsolved(estimate, self._samples, causes) if report else None
             return (Level.UNKNOWN, causes), told
-        first = self._good is None
+        first, good = self._good is None, self._good
         if first:
             self._begun_ns = sample.seen_ns
             self._learn(sample.seen_ns)
@@ -339,10 +343,7 @@ class Supervisor:
         if moved_freely and self._latch.now.level >= STOP:
             self._stops.begin(estimate)
             self.seen_too_rarely += late
-        if not self._latch.latched:
-            self._stopped = None
-        elif self._stopped is None or self._stopped[0] != self._latch.now.event:
-            self._stopped = self._latch.now.event, sample.seen_ns
+        self._watch_stop(estimate, good)
         level = max([finding.level for finding in found]) if found else OK
         causes = _causes(found) if found else 0
         self._judged = assessment.margins, certified
@@ -362,14 +363,40 @@ class Supervisor:
         elif pace.watching:
             pace.restart()
 
+    def _watch_stop(self, estimate: Estimate, before: Estimate | None) -> None:
+        """Take in whether the robot is stopped. Once its brakes have acted it stands, or moves at recovery speed. Until
+        then it is in the box of the sample before, if the next one came in time."""
+        now = self._latch.now
+        self._event = now.event if self._latch.latched else None
+        if now.level < STOP and not now.bypassed:
+            self._stands_ns = None
+        elif self._stands_ns is None:
+            self._stands_ns = self._rest_ns(estimate)
+            if before is not None and before.expected_s:  # else no motion was allowed
+                due_ns = before.seen_ns + round((before.expected_s - before.judging_s) * NS_PER_S)
+                if estimate.seen_ns > due_ns or estimate.degraded:
+                    self._loose_ns = self._stands_ns
+        if estimate.silence is not None and estimate.silence.fast:
+            self._loose_ns = self._rest_ns(estimate)
+
+    def _rest_ns(self, estimate: Estimate) -> int:
+        """When the joints stand at the latest if the verdict on this estimate is a stop."""
+        free_s = estimate.judging_s + self.settings.latency_s
+        return estimate.seen_ns + round(self._box.stop_s(estimate.speeds, free_s) * NS_PER_S)
+
     def _was_held(self) -> bool:
-        """True if the stop that is latched now held the robot at the last good sample: brakes had acted. Silence alone
-        holds nobody: it is noticed when the robot may have moved."""
-        stopped, good = self._stopped, self._good
-        if stopped is None or good is None or not self._latch.latched:
+        """True if the stop that is latched now held the robot at the last good sample: it stood, or moved at recovery
+        speed. Silence alone holds nobody: it is noticed when the robot may have moved."""
+        good, stands_ns, latch = self._good, self._stands_ns, self._latch
+        if good is None or stands_ns is None or not latch.latched or self._event != latch.now.event:
             return False
-        event, since_ns = stopped
-        return event == self._latch.now.event and good.seen_ns - since_ns >= self._brakes_ns
+        return good.seen_ns >= max(stands_ns, self._loose_ns)
+
+    def _known(self) -> Known:
+        """What is known of the motion since the last good sample."""
+        if self._covered:
+            return Known.COVERED
+        return Known.SPEEDS if self._good is not None and self._good.seen_ns < self._loose_ns else Known.STOPPED
 
     def _in_time(self, at: Posture, estimate: Estimate, certified: Margins) -> Margins | None:
         """The margins until standstill if samples came in time, if late samples are the only reason for a stop; else

@@ -1,8 +1,13 @@
-"""rails3 where it may stand, with Type 2 only millimetres away: where a time without samples can lose the branch."""
+"""Robots near Type 2. Of rails3 a place where it may stand, with Type 2 only millimetres away: where a time without
+samples can lose the branch."""
 
 from __future__ import annotations
 
-from supervised import feed, newest, sample, supervisor_of
+from functools import cache
+from itertools import product
+from math import acos, pi
+
+from supervised import feed, joints_of, newest, sample, supervisor_of
 
 import irsbot_kinematics as irs
 from irsbot_msgs_py.records import Floats, JointSample, Level
@@ -51,3 +56,25 @@ def stood_at(position: Floats) -> Supervisor:
     steps = feed(supervisor, standing(-STAND_MS, 1, position))
     assert newest(steps).level == Level.OK
     return supervisor
+
+
+@cache
+def until_type2(name: str) -> tuple[Floats, Floats]:
+    """Where a robot may stand, and a way from there to a Type 2 singularity."""
+    supervisor = supervisor_of(name)
+    mechanism = supervisor.robot.mechanism
+    if name == "irsbot2_beta45":  # the cranks stand mirrored; its elbows meet where b0 + l1 cos q2 = 0
+        away = joints_of(supervisor, 0.0, -0.8)[1]
+        way = -acos(-mechanism.geometry.b0 / mechanism.geometry.l1) - away
+        return (-pi - away, away), (-way, way)
+    start = FREE if name == "rails3" else joints_of(supervisor, 0.0, 0.0, 0.0)
+    ways = []
+    for signs in product((-1.0, 0.0, 1.0), repeat=len(start)):
+        at, way, step = mechanism.posture(start, supervisor.settings.assembly_mode), 0.0, 1e-2
+        while any(signs) and step > 1e-10 and way < 2.0:
+            there = tuple(q + (way + step) * sign for q, sign in zip(start, signs, strict=True))
+            found = mechanism.track(there, at)
+            at, way, step = (found, way + step, step) if found.status == irs.Status.SOLVED else (at, way, 0.5 * step)
+        if min(at.cos_pressure) < 1e-2:
+            ways.append(tuple(way * sign for sign in signs))
+    return start, min(ways, key=lambda way: max(map(abs, way)))

@@ -22,6 +22,7 @@ class Silence(NamedTuple):
     high: Floats
     fault: str = ""  # empty, or why the joints cannot have moved as they did
     in_time: bool = False  # True if the prediction covers the time
+    fast: bool = False  # True if a robot that a stop should hold is faster than recovery speed
 
 
 class Estimate(NamedTuple):

@@ -105,13 +105,16 @@ class Estimator:
         self._rest, self._rest_ns, self._stood_ns = memory.standstill
 
     def update(
-        self, sample: Accepted, held: bool = False, followed: Estimate | None = None, covered: bool = True
+        self,
+        sample: Accepted,
+        held: bool = False,
+        followed: Estimate | None = None,
+        known: Known = Known.COVERED,
     ) -> Estimate | Rejected:
         """The estimate for a sample, or the reason why the sample contradicts the earlier motion.
 
         followed: the last estimate of which the posture was judged, if it is not the last one; a silence is counted
-        from there. held: a latched stop held the robot then, and holds it still. covered: no Type 2 singularity is in
-        its reachable box; if not, the robot is stopped."""
+        from there. held: a latched stop held the robot then, and holds it still. known: of the motion since then."""
         last, jumps = self._last, self._jumps
         if last is None:
             return self._anew(sample, Wait(0.0, 0.0, 0.0, False, False))
@@ -127,9 +130,7 @@ class Estimator:
         too_far = jumps.too_far(moved, span)
         since = followed or last
         way = moved if since is last else jumps.moved(sample.position, since.position)
-        unseen = self._silences.region(
-            since, passed_s(sample, since), way, held, Known.COVERED if covered else Known.STOPPED
-        )
+        unseen = self._silences.region(since, passed_s(sample, since), way, held, known)
         if too_far and not jumps.away and self._last_was_wrong(sample):
             before = self._before
             assert before is not None

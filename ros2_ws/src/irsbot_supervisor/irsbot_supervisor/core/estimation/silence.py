@@ -7,7 +7,9 @@ free for longer if the supervisor itself was silent then, or if its settings wer
 
 from __future__ import annotations
 
+from dataclasses import replace
 from enum import Enum, auto
+from typing import Any
 
 from irsbot_kinematics.mechanism import Coordinate
 from irsbot_msgs_py.records import Floats
@@ -16,12 +18,15 @@ from irsbot_supervisor.core.estimation.estimate import Estimate, Silence
 from irsbot_supervisor.core.reachable_box import ReachableBox
 from irsbot_supervisor.core.settings import Settings
 
+LARGEST = ("latency_s", "recovery_share", "standstill_speed", "encoder_resolution", "encoder_offset", "stamp_jitter_s")
+"""Settings of which the larger lets the joints get farther."""
+
 
 class Known(Enum):
-    """What is known of the motion since the earlier sample."""
+    """What is known of the motion since the earlier sample, besides the limits of the drives."""
 
     COVERED = auto()  # no Type 2 singularity is in the reachable box
-    STOPPED = auto()  # one may be: so the robot is stopped
+    STOPPED = auto()  # one may be; the robot is in the last box without one, or moves at recovery speed
     SPEEDS = auto()  # only the speeds
     NOTHING = auto()  # not even them: a joint seems to have moved harder than its acceleration limit allows
 
@@ -32,8 +37,9 @@ class Silences:
     def __init__(self, settings: Settings, joints: tuple[Coordinate, ...]) -> None:
         self._turns = tuple(joint.turn for joint in joints)
         self._units = tuple(joint.unit for joint in joints)
-        self._since_ns = -1  # begin of the silence for which the three times below are kept
-        self._noticed_s = self._latency_s = self._covered_s = 0.0
+        self._since_ns = -1  # begin of the silence for which what follows is kept
+        self._kept = settings  # the worst limits that were in force in it
+        self._noticed_s = self._covered_s = 0.0  # when the drives braked; least latency
         self.configure(settings)
 
     def configure(self, settings: Settings) -> None:
@@ -41,12 +47,12 @@ class Silences:
         self._settings, self._box = settings, ReachableBox(settings)
 
     def keep(self, since_ns: int) -> None:
-        """Keep the times of the present settings for a silence that lasts: others are about to come into force."""
+        """Keep the present settings for a silence that lasts: others are about to come into force."""
         settings, same = self._settings, since_ns == self._since_ns
         noticed_s = settings.stale_s + settings.heartbeat_s
         self._noticed_s = max(noticed_s, self._noticed_s) if same else noticed_s
-        self._latency_s = max(settings.latency_s, self._latency_s) if same else settings.latency_s
         self._covered_s = min(settings.latency_s, self._covered_s) if same else settings.latency_s
+        self._kept = _worst(settings, self._kept) if same else settings
         self._since_ns = since_ns
 
     def free_until(self, since_ns: int, brakes_ns: int) -> None:
@@ -62,39 +68,44 @@ class Silences:
 
         The joints brake as soon as a silence is noticed, and not before. Between the two end positions, no joint was
         farther beyond them than half of the difference between the longest possible path and their distance, unless it
-        may have turned the other way. A robot that a stop held stays there, except for motion at recovery speed. Also a
-        stopped robot is in the last box that was free of Type 2, or moves at recovery speed.
+        may have turned the other way. A robot that a stop held stays there, except for motion at recovery speed; if it
+        is seen to be faster, nothing holds it.
         """
         settings, box = self._settings, self._box
-        noticed_s, latency_s = settings.stale_s + settings.heartbeat_s, settings.latency_s
-        covered_s = since.expected_s + latency_s  # after the first sample nothing is expected yet
+        noticed_s, covered_s = settings.stale_s + settings.heartbeat_s, settings.latency_s
         if since.seen_ns == self._since_ns:
-            noticed_s, latency_s = max(noticed_s, self._noticed_s), max(latency_s, self._latency_s)
-            covered_s = min(covered_s, since.expected_s + self._covered_s)
-        in_time = passed_s <= (min(covered_s, settings.stale_s) if since.expected_s else settings.stale_s)
+            noticed_s, covered_s = max(noticed_s, self._noticed_s), min(covered_s, self._covered_s)
+            settings = _worst(settings, self._kept)
+            box = ReachableBox(settings)
+        covered_s += since.expected_s  # after the first sample nothing is expected yet
+        stale_s, latency_s = self._settings.stale_s, settings.latency_s
+        in_time = passed_s <= (min(covered_s, stale_s) if since.expected_s else stale_s)
         if in_time and known == Known.COVERED:
             return None
         age_s = since.prediction_delay_s - since.expected_s  # when it came
         free_s = age_s + min(passed_s, noticed_s) + latency_s
         longest = box.longest(age_s + passed_s)
+        slow = box.slowly(age_s + passed_s) if in_time else box.recovering(free_s)
+        rows = zip(moved, slow, box.errors, strict=True)
+        fast = held and passed_s <= stale_s and not all(abs(way) <= most + 2.0 * e for way, most, e in rows)
         if known == Known.NOTHING:
             ahead = back = longest
-        elif in_time and known == Known.STOPPED:
-            ahead = back = longest = [settings.recovery_share * way for way in longest]
-        elif held and since.standing_s >= settings.stale_s:
-            ahead = back = box.recovering(settings.recovery_share, free_s)
-        elif passed_s <= settings.stale_s:  # nobody has noticed anything
+        elif in_time and known == Known.STOPPED and not fast:
+            ahead = back = longest = slow
+        elif not in_time and held and not fast:
+            ahead = back = slow
+        elif passed_s <= stale_s:  # nobody has noticed anything
             ahead, back = box.going(since.speeds, age_s + passed_s)
         else:
             ahead, back = box.until_rest(since.speeds, free_s)
-        fault = self._too_far(moved, ahead, back) if passed_s > settings.stale_s else ""
+        fault = self._too_far(moved, ahead, back) if passed_s > stale_s else ""
         low, high = [], []
         joints = zip(since.position, moved, ahead, back, longest, self._turns, box.errors, strict=True)
         for q, way, up, down, most, turn, e in joints:
             beyond = max(0.5 * (most - abs(way)), 0.0) if most + abs(way) < turn - 2.0 * e else most
             low.append(q + max(min(way, 0.0) - beyond, min(-down, way)) - e)
             high.append(q + min(max(way, 0.0) + beyond, max(up, way)) + e)
-        return Silence(tuple(low), tuple(high), fault, in_time)
+        return Silence(tuple(low), tuple(high), fault, in_time, fast)
 
     def _too_far(self, moved: Floats, ahead: list[float], back: list[float]) -> str:
         """Why the joints cannot have moved as they did; empty if they can, also by more than half a turn."""
@@ -108,3 +119,11 @@ class Silences:
                     f"by {most:.4g} {unit} at most"
                 )
         return ""
+
+
+def _worst(settings: Settings, others: Settings) -> Settings:
+    """Settings with the limits of both that let the joints get farthest."""
+    values: dict[str, Any] = {name: max(getattr(settings, name), getattr(others, name)) for name in LARGEST}
+    for name, worse in (("velocity_limit", max), ("acceleration_limit", max), ("deceleration_limit", min)):
+        values[name] = tuple(map(worse, getattr(settings, name), getattr(others, name)))
+    return replace(settings, **values)
