@@ -210,10 +210,14 @@ def test_levels_and_the_life_cycle_are_logged_once(wire: Wire):
     cell.logged("OK: motion is allowed")
     cell.say = lambda t: None
     cell.heard_level(Level.UNKNOWN)
-    cell.logged("UNKNOWN: no usable sample for more than 50 ms")
+    # On a busy machine samples may have come late before: that is another text, or even a latched stop.
+    begins = ("UNKNOWN: ", "a stop is latched")
+    cell.wire.until(lambda: any(words in cell.printed.rpartition("OK: motion")[2] for words in begins), "the silence")
     for step in (*ANEW, Transition.TRANSITION_ACTIVATE, Transition.TRANSITION_ACTIVE_SHUTDOWN):
         assert cell.change(step)
     for words in ("deactivated", "cleaned up", "configured", "supervising irsbot2", "shut down in state 'active'"):
         cell.logged(words)
     assert "on /supervisor/verdict" in cell.printed
-    assert cell.printed.count("UNKNOWN: no usable sample for more than") <= 2
+    stopped = [verdict.level >= Level.STOP for verdict in cell.verdicts]
+    begun = stopped[:1].count(True) + sum(now and not before for before, now in pairwise(stopped))
+    assert 1 <= cell.printed.count("UNKNOWN: ") <= begun + 1  # an activation tells its first level
