@@ -7,7 +7,7 @@ from itertools import count
 from math import inf
 
 import pytest
-from near_type2 import FREE, along, distance_m, standing, stood_at, until_type2
+from near_type2 import ALWAYS, FREE, along, distance_m, standing, stood_at, until_type2
 from supervised import configure, expectation, feed, newest, sample, supervisor_of, tick
 
 from irsbot_msgs_py.records import Cause, Level
@@ -22,7 +22,7 @@ class Drives:
     """Of rails3: they run to Type 2 at full acceleration, are stopped hard there, and return until they brake."""
 
     def __init__(self, settings: Settings, away_m: float, begin_ms: float) -> None:
-        self.settings, self.away_m, self.begin_ms = settings, away_m, begin_ms
+        self.settings, self.away_m = settings, away_m
         self.met_ms, self.brake_ms = inf, inf
         self._speed, self._ms = 0.0, begin_ms
 
@@ -93,9 +93,6 @@ def test_limits_that_are_lowered_during_a_silence_do_not_count_backwards(before,
     feed(supervisor, [tick(ms) for ms in (50, 60, 70)])
     steps = feed(supervisor, standing(300, 600, end))
     assert newest(steps).causes & Cause.BRANCH
-
-
-ALWAYS = {"reaction_check": "stop", "reaction_limit_n": 1e-9}
 
 
 @pytest.mark.parametrize("robot", ["rails3", "orthoglide", "irsbot2_beta45"])

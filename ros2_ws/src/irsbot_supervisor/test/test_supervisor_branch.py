@@ -6,7 +6,7 @@ from math import cos, isnan, tau
 
 import numpy as np
 import pytest
-from near_type2 import FREE, STAND_MS, along, distance_m, out_s, standing, until_type2
+from near_type2 import ALWAYS, FREE, STAND_MS, along, distance_m, out_s, standing, until_type2
 from supervised import (
     MS,
     configure,
@@ -206,7 +206,8 @@ def test_a_stop_keeps_the_branch_through_a_silence_once_its_brakes_have_acted(he
 def by_hand(supervisor: Supervisor, start: Floats, way: Floats, wrong: float, shift_ms: float) -> list[Step]:
     """A stopped robot that somebody moves slowly that far and back, in 1.6 s. wrong: readings are off by this share of
     the error that the settings state, towards the start. shift_ms: the turn is so long after a sample."""
-    settings, steps = supervisor.settings, feed(supervisor, still(supervisor, start, 0, 299))
+    settings = supervisor.settings
+    feed(supervisor, still(supervisor, start, 0, 299))
     steps = feed(supervisor, [configure(299, supervisor, **ALWAYS), *still(supervisor, start, 300, 400)])
     assert (newest(steps).level, newest(steps).latched) == (Level.STOP, True)
     error = wrong * position_error(settings)
@@ -222,7 +223,6 @@ def still(supervisor: Supervisor, position: Floats, begin_ms: int, end_ms: int) 
     return [sample(ms, position, names=supervisor.settings.joint_names) for ms in range(begin_ms, end_ms)]
 
 
-ALWAYS = {"reaction_check": "stop", "reaction_limit_n": 1e-9}
 ROBOTS = ("rails3", "orthoglide", "irsbot2_beta45")
 
 

@@ -18,6 +18,9 @@ FREE, TOWARDS = (-0.086153889149302, 0.7385104115796117, 0.7359930647205954), (-
 
 STAND_MS = 300
 
+ALWAYS = {"reaction_check": "stop", "reaction_limit_n": 1e-9}
+"""Settings that stop every robot for its reactions alone."""
+
 
 def along(way_m: float, start: Floats = FREE) -> Floats:
     """Joint positions that much nearer to Type 2."""
