@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from itertools import cycle
 from pathlib import Path
 from threading import Thread
 from typing import Any
@@ -29,10 +30,12 @@ from irsbot_supervisor.core import supervisor as pipeline
 from irsbot_supervisor.core import validation as intake
 from irsbot_supervisor.core.estimation import frozen, jumps, silence
 from irsbot_supervisor.fleet.cluster import Cluster
+from irsbot_supervisor.sim.trajectory import joint_move
+from irsbot_supervisor.trajectory.joint_path import joint_limits_of
 from irsbot_supervisor.validation import runner
 from irsbot_supervisor.validation.harness import oracle as truth
 from irsbot_supervisor.validation.harness.case import Case
-from irsbot_supervisor.validation.harness.motion import work
+from irsbot_supervisor.validation.harness.motion import PERIOD_S, Motion, work
 from irsbot_supervisor.validation.harness.rows import FALSE_STOPS, RECOVERY_S, TO_STOP_S, Entry, Job, Row, Tally
 from irsbot_supervisor.validation.harness.stream import WARM_UP, InputStream, prepared
 from irsbot_supervisor.validation.in_process import approach, clean, delivery, escape, garbage, loci, stamps
@@ -215,6 +218,30 @@ def test_only_samples_that_are_clear_are_judged(monkeypatch: pytest.MonkeyPatch)
     assert row.amount < 100
     assert row.failed == 1
     assert "are clear" in row.note
+
+
+def test_a_motion_ends_where_a_stop_is_due_and_another_one_begins(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It would not obey, and a robot that goes on after a stop is rightly warned of wherever it is."""
+    settings, robot = read_settings("irsbot2")
+    good, bad = (0.574, 2.33), (1.474, 1.43)
+    assert (truth.margins(robot, settings, np.array([bad])) < truth.limits(settings, "stop")).any()
+    begun = 0
+
+    def into_a_limit(*_: object) -> Motion:
+        nonlocal begun
+        begun += 1
+        limits = joint_limits_of(settings)
+        for here, there in cycle(((good, bad), (bad, good))):
+            move = joint_move(here, there, limits, 0.2)
+            for t in np.arange(0.0, move.duration_s + 0.3, PERIOD_S):
+                point = move.at(float(t))
+                yield point.position, point.velocity
+
+    monkeypatch.setattr(clean, "works", tuple)
+    monkeypatch.setattr(clean, "swings", into_a_limit)
+    row = clean.run(job(1000, "irsbot2"))
+    assert (row.amount, row.failed) == (1000, 0), row
+    assert begun >= 3
 
 
 def test_a_verdict_that_allows_motion_too_long_after_the_last_true_sample_is_unsafe() -> None:

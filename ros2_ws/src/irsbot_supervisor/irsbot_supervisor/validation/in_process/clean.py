@@ -2,11 +2,14 @@
 
 An independent oracle, `reachable`, computes the positions within reach of the drives until they stand. A sample is
 clear if no limit is near there. Other samples are also fed to the supervisor, but its verdicts on them do not count.
+A motion may come so fast to a limit that a stop is due. It does not obey, so it ends there, and another one begins.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from itertools import chain, islice, repeat
 from typing import NamedTuple
 
@@ -53,6 +56,10 @@ class _Batch(NamedTuple):
     levels: list[Level]
     texts: list[str]
 
+    def part(self, rows: slice) -> _Batch:
+        """Some of the samples."""
+        return _Batch(self.stamps[rows], self.positions[rows], self.levels[rows], self.texts[rows])
+
 
 def run(job: Job) -> Row:
     """The row: a case is a clear sample, the same number for every robot and both kinds of motion."""
@@ -63,37 +70,53 @@ def run(job: Job) -> Row:
     for k, (name, kind) in enumerate(streams):
         settings, robot = read_settings(name)
         at_work = kind == "work"
-        motion = work(robot, settings) if at_work else swings(robot, settings, np.random.default_rng([job.seed, k]))
-        stream = _Stream(f"{name}, {kind}", robot, replace(settings, dwell_s=0.0), motion, at_work)
+        rng = np.random.default_rng([job.seed, k])
+        begin = partial(work, robot, settings) if at_work else partial(swings, robot, settings, rng)
+        stream = _Stream(f"{name}, {kind}", robot, replace(settings, dwell_s=0.0), begin, at_work)
         stream.watch(tally, -(-job.amount // len(streams)))
     tally.figures["robots"] = len(names)
     return tally.row()
 
 
 class _Stream:
-    """One motion under supervision: the robot stands until the sample interval is known, then it moves."""
+    """Motions under supervision: the robot stands until the sample interval is known, then it moves."""
 
-    def __init__(self, where: str, robot: Robot, settings: Settings, motion: Motion, at_work: bool) -> None:
+    def __init__(
+        self, where: str, robot: Robot, settings: Settings, motion: Callable[[], Motion], at_work: bool
+    ) -> None:
         self._where, self._robot, self._settings, self._at_work = where, robot, settings, at_work
         self._rest = round(SETTLING * settings.stale_s / PERIOD_S) + 2
-        position, velocity = next(motion)
-        self._motion = chain(repeat((position, velocity), self._rest), motion)
-        self._supervisor = Supervisor(settings, robot)
-        self._at = robot.mechanism.posture(position, settings.assembly_mode)
-        self._fed = 0
+        self._new_motion = motion
 
     def watch(self, tally: Tally, number: int) -> None:
         """Run until this number of samples were clear."""
-        done = 0
-        before: Array = np.empty((0, len(self._settings.joint_names)))
-        while done < number and self._fed < MOST_FED * number + self._rest:
-            batch = self._feed(min(BATCH, max(number - done, 1) + max(self._rest - self._fed, 0)))
-            clear, calm = self._clear(batch, before)
-            before = np.concatenate((before, batch.positions))[-PAST:]
-            done += int(clear.sum())
-            self._judge(tally, batch, clear, calm)
+        done, fed = 0, 0
+        while done < number and fed < MOST_FED * number + self._rest:
+            self._begin()
+            before: Array = np.empty((0, len(self._settings.joint_names)))
+            stopped = False
+            while done < number and not stopped and fed < MOST_FED * number + self._rest:
+                batch = self._feed(min(BATCH, max(number - done, 1) + max(self._rest - self._fed, 0)))
+                fed += len(batch.levels)
+                clear, calm = self._clear(batch, before)
+                due = ~clear & (np.array(batch.levels) >= Level.STOP) & (batch.stamps >= self._rest * PERIOD_S)
+                stopped = bool(due.any()) and not self._at_work  # at work every stop is a false one
+                counted = slice(int(due.argmax()) if stopped else None)
+                before = np.concatenate((before, batch.positions))[-PAST:]
+                done += int(clear[counted].sum())
+                self._judge(tally, batch.part(counted), clear[counted], calm[counted])
+        tally.add(FED, fed)
         if done < number:
-            tally.many(0, 1, f"{self._where}: only {done} of {self._fed} samples are clear")
+            tally.many(0, 1, f"{self._where}: only {done} of {fed} samples are clear")
+
+    def _begin(self) -> None:
+        """Begin a motion, under a new supervisor."""
+        motion = self._new_motion()
+        position, velocity = next(motion)
+        self._motion = chain(repeat((position, velocity), self._rest), motion)
+        self._supervisor = Supervisor(self._settings, self._robot)
+        self._at = self._robot.mechanism.posture(position, self._settings.assembly_mode)
+        self._fed = 0  # of this motion
 
     def _feed(self, number: int) -> _Batch:
         """Feed the next samples."""
@@ -136,7 +159,6 @@ class _Stream:
         tally.add(FALSE_WARNINGS, float(warned.sum()))
         tally.add(WORK_WARNINGS, float(at_work.sum()))
         tally.add(CALM, float(calm.sum()))
-        tally.add(FED, len(levels))
-        first = int(wrong.argmax())
+        first = int(wrong.argmax()) if len(wrong) else 0
         note = f"{self._where}: at {batch.stamps[first]:.3f} s: {batch.texts[first]}" if wrong.any() else ""
         tally.many(int(clear.sum()), int(wrong.sum()), note)
