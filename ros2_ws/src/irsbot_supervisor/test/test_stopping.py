@@ -294,6 +294,23 @@ def test_a_goal_that_a_posture_contradicts_takes_no_cuts():
     assert contradicted >= 20
 
 
+@pytest.mark.parametrize("name", ["rrr3", "rrr3_base", "irsbot2_csc"])
+def test_a_box_with_a_corner_without_a_posture_seldom_takes_cuts(name: str) -> None:
+    """Whichever margin lacks most: nothing can be proved there, and a stop that is due must not wait."""
+    (settings, robot), rng = shipped(name), np.random.default_rng(1)
+    took = []
+    for at in postures(name, 24):
+        low, high = (side.tolist() for side in box_of(settings, at, speeds_of(rng, settings, 0.5), 0.002))
+        corners = (robot.mechanism.track(corner, at) for corner in product(*zip(low, high, strict=True)))
+        if all(corner.status == irs.Status.SOLVED for corner in corners):
+            continue
+        search = BoxBounds(robot.mechanism, 0.0).search(at, tuple(low), tuple(high))
+        assert not search.proves(limits_of(settings, "stop"), 16)
+        took.append(search.cuts)
+    assert len(took) >= 3, "the fixture proves nothing"
+    assert sum(took) <= 0.1 * 16 * len(took)
+
+
 def test_new_settings_discard_proved_bounds():
     from supervised import configure, ready, sample
 

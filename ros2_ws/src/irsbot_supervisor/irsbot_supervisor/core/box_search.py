@@ -57,13 +57,13 @@ class Search:
             worst = min(self._boxes, key=lambda box: spare_of(box.certified, wanted))
             if (spare := spare_of(worst.certified, wanted)) >= 0.0:
                 return wanted == goal
-            kind = list(map(sub, worst.certified, wanted)).index(spare)
             if self.cuts >= cuts or not spare < 0.0:
                 return False
-            if kind in self._looked:
-                self._cut(worst, wanted)
+            short = {kind for kind, more in enumerate(map(sub, worst.certified, wanted)) if more < 0.0}
+            if unseen := short - self._looked:  # a corner without a posture ends the search before any cut
+                self._descend(min(unseen))
             else:
-                self._descend(kind)
+                self._cut(worst, wanted)
         return False
 
     def _descend(self, kind: int) -> None:
