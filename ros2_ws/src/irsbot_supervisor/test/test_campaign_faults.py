@@ -35,7 +35,7 @@ from irsbot_supervisor.trajectory.joint_path import joint_limits_of
 from irsbot_supervisor.validation import runner
 from irsbot_supervisor.validation.harness import oracle as truth
 from irsbot_supervisor.validation.harness.case import Case
-from irsbot_supervisor.validation.harness.motion import PERIOD_S, Motion, work
+from irsbot_supervisor.validation.harness.motion import Motion, played, work
 from irsbot_supervisor.validation.harness.rows import FALSE_STOPS, RECOVERY_S, TO_STOP_S, Entry, Job, Row, Tally
 from irsbot_supervisor.validation.harness.stream import WARM_UP, InputStream, prepared
 from irsbot_supervisor.validation.in_process import approach, clean, delivery, escape, garbage, loci, stamps
@@ -232,10 +232,7 @@ def test_a_motion_ends_where_a_stop_is_due_and_another_one_begins(monkeypatch: p
         begun += 1
         limits = joint_limits_of(settings)
         for here, there in cycle(((good, bad), (bad, good))):
-            move = joint_move(here, there, limits, 0.2)
-            for t in np.arange(0.0, move.duration_s + 0.3, PERIOD_S):
-                point = move.at(float(t))
-                yield point.position, point.velocity
+            yield from played(joint_move(here, there, limits, 0.2))
 
     monkeypatch.setattr(clean, "works", tuple)
     monkeypatch.setattr(clean, "swings", into_a_limit)

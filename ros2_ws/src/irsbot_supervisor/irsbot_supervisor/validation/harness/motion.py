@@ -69,11 +69,16 @@ def swings(robot: Robot, settings: Settings, rng: np.random.Generator) -> Motion
         motion = joint_move(tuple(here.tolist()), tuple(there.tolist()), joint_limits_of(settings), speed)
         if not _is_clean(motion, robot, settings, at):
             continue
-        for t in np.arange(0.0, motion.duration_s + REST_S, PERIOD_S):
-            point = motion.at(float(t))
-            yield point.position, point.velocity
+        yield from played(motion)
         here = there
         (at,) = followed(robot, there[None], at)  # whose label may be another one than at the start
+
+
+def played(path: JointPath) -> Motion:
+    """A path from its begin to its end, and a rest there."""
+    for t in np.arange(0.0, path.duration_s + REST_S, PERIOD_S):
+        point = path.at(float(t))
+        yield point.position, point.velocity
 
 
 def _is_clean(motion: JointPath, robot: Robot, settings: Settings, begin: Posture) -> bool:

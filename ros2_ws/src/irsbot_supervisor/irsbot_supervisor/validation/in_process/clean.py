@@ -90,21 +90,21 @@ class _Stream:
 
     def watch(self, tally: Tally, number: int) -> None:
         """Run until this number of samples were clear."""
-        done, fed = 0, 0
+        done, fed, stopped = 0, 0, True
+        before: Array = np.empty((0, len(self._settings.joint_names)))
         while done < number and fed < MOST_FED * number + self._rest:
-            self._begin()
-            before: Array = np.empty((0, len(self._settings.joint_names)))
-            stopped = False
-            while done < number and not stopped and fed < MOST_FED * number + self._rest:
-                batch = self._feed(min(BATCH, max(number - done, 1) + max(self._rest - self._fed, 0)))
-                fed += len(batch.levels)
-                clear, calm = self._clear(batch, before)
-                due = ~clear & (np.array(batch.levels) >= Level.STOP) & (batch.stamps >= self._rest * PERIOD_S)
-                stopped = bool(due.any()) and not self._at_work  # at work every stop is a false one
-                counted = slice(int(due.argmax()) if stopped else None)
-                before = np.concatenate((before, batch.positions))[-PAST:]
-                done += int(clear[counted].sum())
-                self._judge(tally, batch.part(counted), clear[counted], calm[counted])
+            if stopped:
+                self._begin()
+                before = before[:0]
+            batch = self._feed(min(BATCH, max(number - done, 1) + max(self._rest - self._fed, 0)))
+            fed += len(batch.levels)
+            clear, calm = self._clear(batch, before)
+            before = np.concatenate((before, batch.positions))[-PAST:]
+            due = ~clear & (np.array(batch.levels) >= Level.STOP) & (batch.stamps >= self._rest * PERIOD_S)
+            stopped = bool(due.any()) and not self._at_work  # at work every stop is a false one
+            counted = slice(int(due.argmax()) if stopped else None)
+            done += int(clear[counted].sum())
+            self._judge(tally, batch.part(counted), clear[counted], calm[counted])
         tally.add(FED, fed)
         if done < number:
             tally.many(0, 1, f"{self._where}: only {done} of {fed} samples are clear")
@@ -159,6 +159,8 @@ class _Stream:
         tally.add(FALSE_WARNINGS, float(warned.sum()))
         tally.add(WORK_WARNINGS, float(at_work.sum()))
         tally.add(CALM, float(calm.sum()))
-        first = int(wrong.argmax()) if len(wrong) else 0
-        note = f"{self._where}: at {batch.stamps[first]:.3f} s: {batch.texts[first]}" if wrong.any() else ""
+        note = ""
+        if wrong.any():
+            first = int(wrong.argmax())
+            note = f"{self._where}: at {batch.stamps[first]:.3f} s: {batch.texts[first]}"
         tally.many(int(clear.sum()), int(wrong.sum()), note)
