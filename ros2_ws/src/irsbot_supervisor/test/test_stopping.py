@@ -12,11 +12,12 @@ import pytest
 from supervised import settings_of
 
 import irsbot_kinematics as irs
-from irsbot_supervisor.core.box_search import BoxBounds, spare_of
+from irsbot_msgs_py.records import Floats
+from irsbot_supervisor.core.box_search import BoxBounds, Part, Search, spare_of
 from irsbot_supervisor.core.estimation.estimate import Speeds
 from irsbot_supervisor.core.margins import margins_of
 from irsbot_supervisor.core.settings import Settings
-from irsbot_supervisor.core.stopping import StoppingPredictor, cuts_of, limits_of, raised
+from irsbot_supervisor.core.stopping import StoppingPredictor, cuts_of, limits_of, raised, wider
 from irsbot_supervisor.validation.harness.oracle import good_postures, joint_ranges, margins, margins_along, supervised
 from irsbot_supervisor.validation.in_process.reachable import errors, reach
 
@@ -309,6 +310,99 @@ def test_a_box_with_a_corner_without_a_posture_seldom_takes_cuts(name: str) -> N
         took.append(search.cuts)
     assert len(took) >= 3, "the fixture proves nothing"
     assert sum(took) <= 0.1 * 16 * len(took)
+
+
+TO_BE_CUT = {"irsbot2": 0.2, "orthoglide": 0.04, "rrr3": 0.07, "rrr3_base": 0.05, "ruu4": 0.05}
+"""rad or m: half extents of boxes that need cuts."""
+
+
+def search_near(name: str, at: irs.Posture) -> tuple[Search, tuple[Floats, Floats], tuple[float, ...]]:
+    """A search whose goal is a little below what is met; the box and the goal."""
+    settings, half = shipped(name)[0], TO_BE_CUT[name]
+    low, high = np.array(at.joints) - half, np.array(at.joints) + half
+    least = met(name, settings, at, low, high, np.random.default_rng(1))
+    box = tuple(low.tolist()), tuple(high.tolist())
+    goal = tuple(np.where(np.isfinite(least), least - 1e-4, -inf).tolist())
+    return BoxBounds(shipped(name)[1].mechanism, 0.0).search(at, *box), box, goal
+
+
+def extent(part: Part, low: Array, high: Array) -> tuple[Array, Array]:
+    """A part of a box, by cutting it."""
+    low, high = low.copy(), high.copy()
+    for cut in part:
+        (high if cut % 2 == 0 else low)[cut // 2] = 0.5 * (low + high)[cut // 2]
+    return low, high
+
+
+@pytest.mark.parametrize("name", ["irsbot2", "orthoglide", "rrr3", "ruu4"])
+def test_a_search_begins_with_the_parts_of_the_last_one_which_together_are_the_whole_box(name: str) -> None:
+    (settings, robot), rng, divided = shipped(name), np.random.default_rng(4), 0
+    for at in postures(name, least=0.2):
+        search, box, goal = search_near(name, at)
+        search.proves(goal, 16)
+        low, high = map(np.array, box)
+        for most in (1, 5, 100):
+            parts = search.parts(goal, most)
+            assert len(parts) <= most
+            assert sum(0.5 ** len(part) for part in parts) == 1.0
+            ends = [extent(part, np.zeros(len(low)), np.ones(len(low))) for part in parts]
+            for point in rng.uniform(size=(50, len(low))):
+                assert sum(((a <= point) & (point < b)).all() for a, b in ends) == 1
+            divided += len(parts) > 5
+            step = 0.05 * (high - low)
+            there = robot.mechanism.track(tuple((np.array(at.joints) + step).tolist()), at)
+            ahead = tuple((low + step).tolist()), tuple((high + step).tolist())
+            again = BoxBounds(robot.mechanism, 0.0).search(there, *ahead, parts)
+            again.proves(goal, 0)
+            least, exists = met(name, settings, there, low + step, high + step, rng), np.isfinite(margins_of(there))
+            assert (np.array(again.certified)[exists] <= least[exists] + 1e-9).all()
+            assert again.cuts == len(parts) // 2
+    assert divided >= 5, "nothing was cut: the fixture proves nothing"
+
+
+@pytest.mark.parametrize("name", ["irsbot2", "orthoglide", "rrr3"])
+def test_halves_become_one_again_where_no_cut_was_needed(name: str) -> None:
+    robot, less = shipped(name)[1], 0
+    for at in postures(name, least=0.2):
+        search, box, goal = search_near(name, at)
+        search.proves(goal, 16)
+        parts = search.parts(goal, 100)
+        while len(parts) > 1:
+            search = BoxBounds(robot.mechanism, 0.0).search(at, *box, parts)
+            search.proves((-1.0,) * 4, 16)
+            fewer = search.parts((-1.0,) * 4, 100)
+            assert len(fewer) == len(parts) - 1
+            parts, less = fewer, less + 1
+    assert less >= 10, "nothing was cut: the fixture proves nothing"
+
+
+@pytest.mark.parametrize("name", ["irsbot2", "rrr3", "rrr3_base", "ruu4"])
+def test_a_box_that_grows_is_proved_longer_than_one_that_comes_at_once(name: str) -> None:
+    """With the same work for each. A limit lies between what the cuts of one sample prove, and twice as many."""
+    settings, robot = shipped(name)
+    counted, cuts, proved, tried = Counted(robot.mechanism), cuts_of(robot.mechanism), 0, 0
+    for at in postures(name, 24, least=0.2):
+        search, box, goal = search_near(name, at)
+        before, after = ((search.proves(goal, number), search.certified)[1] for number in (cuts, 2 * cuts))
+        kind = int(np.argmax(np.subtract(after[:2], before[:2])))
+        limit = before[kind] + 0.5 * (after[kind] - before[kind])
+        if not after[kind] > before[kind] + 1e-3 or limit <= 0.0:
+            continue
+        kinds = ("type1", "type2", "constraint", "limb")
+        low = {f"{other}_{end}": 1e-6 for other in kinds for end in ("stop", "warn")}
+        changed = replace(settings, hysteresis=0.0, **low | {f"{kinds[kind]}_{end}": limit for end in ("stop", "warn")})
+        predictor, stop, ends = StoppingPredictor(changed, counted), limits_of(changed, "stop"), box
+        for size in np.linspace(0.5, 1.0 / 1.02, 30):  # `renew` adds 1 % at each end
+            ends = wider(*box, 0.5 * (float(size) - 1.0))
+            counted.boxes = 0
+            grown = spare_of(predictor.renew(at, *ends).certified, stop) >= 0.0
+            assert counted.boxes <= 2 + 2 * cuts
+        at_once = spare_of(StoppingPredictor(changed, counted).renew(at, *ends).certified, stop) >= 0.0
+        assert grown or not at_once
+        tried += not at_once
+        proved += grown and not at_once
+    assert tried >= 3, "one sample is always enough: the fixture proves nothing"
+    assert proved >= 0.5 * tried
 
 
 def test_new_settings_discard_proved_bounds():

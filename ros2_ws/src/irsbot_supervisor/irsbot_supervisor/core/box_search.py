@@ -2,6 +2,9 @@
 
 The mechanism bounds its margins from below over a box. Over half a box the bound is tighter. The worst part is cut
 until the goal is proved, a posture in the box contradicts it, or the allowed number of cuts is used.
+
+The reachable boxes of two samples differ little. So a search may begin with the parts into which the last one was
+divided, which saves the bounds of the larger parts that did not suffice there.
 """
 
 from __future__ import annotations
@@ -19,19 +22,37 @@ LEAST_LEVER = 0.05
 """1: least lever of a joint, as a share of the robot's length, that the choice of a cut uses."""
 
 
-class Box(NamedTuple):
-    """Joint positions around a posture."""
+Part = tuple[int, ...]
+"""A part of a box: the cuts that lead to it, 2 j for the half below and 2 j + 1 for the half above, of joint j."""
 
-    at: Posture  # in the middle
+WHOLE: tuple[Part, ...] = ((),)
+"""A box without cuts."""
+
+
+class Box(NamedTuple):
+    """A part of the box, and its bounds."""
+
+    at: Posture  # in its middle
     half: Floats  # rad or m, half extents
     certified: Margins  # certified
+    part: Part
+    sharp: bool  # True if second-order bounds are in it
 
 
 class Search:
     """Bounds over low..high (rad or m) that improve with every cut; each cut divides the worst part."""
 
-    def __init__(self, mechanism: Mechanism, slack_m: float, near: Posture, low: Floats, high: Floats) -> None:
-        """near: a posture of the branch that continues in the box."""
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        slack_m: float,
+        near: Posture,
+        low: Floats,
+        high: Floats,
+        parts: tuple[Part, ...] = WHOLE,
+    ) -> None:
+        """near: a posture of the branch that continues in the box. parts: those to begin with, together the whole
+        box."""
         self._mechanism, self._slack_m, self._near = mechanism, slack_m, near
         self._middle = tuple([0.5 * (a + b) for a, b in zip(low, high, strict=True)])
         self._half = tuple([0.5 * (b - a) for a, b in zip(low, high, strict=True)])
@@ -40,7 +61,8 @@ class Search:
         self._met: Margins = (inf,) * 4  # smallest margins of all postures that have been looked at
         self._looked: set[int] = set()  # margins whose descent has been followed to a corner
         self._nothing = False
-        self.cuts = 0
+        self._begun = parts
+        self.cuts = len(parts) // 2  # each bounds two parts
 
     @property
     def certified(self) -> Margins:
@@ -50,14 +72,19 @@ class Search:
     def proves(self, goal: Margins, cuts: int) -> bool:
         """True if all margins are proved to be at least this high, with at most so many cuts in total. Cuts are not
         spent on a goal that a posture in the box contradicts."""
-        if not self._boxes and not self._nothing and self._add(self._near, self._middle, self._half, goal):
-            self._at = self._boxes[0].at
+        if not self._boxes and not self._nothing:
+            self._begin(goal)
         while not self._nothing:
             wanted = _in_question(self._met, goal)
             worst = min(self._boxes, key=lambda box: spare_of(box.certified, wanted))
             if (spare := spare_of(worst.certified, wanted)) >= 0.0:
                 return wanted == goal
-            if self.cuts >= cuts or not spare < 0.0:
+            if not spare < 0.0:
+                return False
+            if not worst.sharp:
+                self._boxes[self._boxes.index(worst)] = self._sharpened(worst)
+                continue
+            if self.cuts >= cuts:
                 return False
             short = {kind for kind, more in enumerate(map(sub, worst.certified, wanted)) if more < 0.0}
             if unseen := short - self._looked:  # a corner without a posture ends the search before any cut
@@ -65,6 +92,40 @@ class Search:
             else:
                 self._cut(worst, wanted)
         return False
+
+    def parts(self, goal: Margins, most: int) -> tuple[Part, ...]:
+        """Parts for the next search, at most so many, and one less than now if no cut was needed. Of two halves that
+        become one again, the worse has as much to spare as possible."""
+        if self._nothing:
+            return self._begun
+        wanted = _in_question(self._met, goal)
+        spare = {box.part: spare_of(box.certified, wanted) for box in self._boxes}
+        if len(spare) == len(self._begun):
+            most = min(most, len(spare) - 1)
+        while len(spare) > max(most, 1):
+            pairs = [(part, other) for part in spare if (other := _other_half(part)) in spare]
+            one, other = max(pairs, key=lambda pair: min(spare[pair[0]], spare[pair[1]]))
+            spare[one[:-1]] = min(spare.pop(one), spare.pop(other))
+        return tuple(spare)
+
+    def _begin(self, goal: Margins) -> None:
+        """Bound the parts to begin with."""
+        self._at = self._mechanism.track(self._middle, self._near)
+        if self._see(self._at):
+            for part in self._begun:
+                if part:
+                    self._add(self._at, *self._extent(part), goal, part)
+                else:
+                    self._bound(self._at, self._half, goal, part)
+
+    def _extent(self, part: Part) -> tuple[Floats, Floats]:
+        """Middle and half extents of a part."""
+        middle, half = list(self._middle), list(self._half)
+        for cut in part:
+            joint, above = divmod(cut, 2)
+            half[joint] *= 0.5
+            middle[joint] += half[joint] if above else -half[joint]
+        return tuple(middle), tuple(half)
 
     def _descend(self, kind: int) -> None:
         """Evaluate the corner to which a margin decreases from the middle: a goal that fails there need not be
@@ -89,21 +150,33 @@ class Search:
         lengths = [half * max(abs(lever), LEAST_LEVER * self._mechanism.length_m) for half, lever in levers]
         joint = lengths.index(max(lengths))
         half = tuple([0.5 * h if j == joint else h for j, h in enumerate(box.half)])
-        for way in (-half[joint], half[joint]):
-            self._add(box.at, tuple([q + way if j == joint else q for j, q in enumerate(box.at.joints)]), half, wanted)
+        for above, step in enumerate((-half[joint], half[joint])):
+            middle = tuple([q + step if j == joint else q for j, q in enumerate(box.at.joints)])
+            self._add(box.at, middle, half, wanted, (*box.part, 2 * joint + above))
 
-    def _add(self, near: Posture, middle: Floats, half: Floats, wanted: Margins) -> bool:
-        """Add the first-order bounds of a box, and the second-order bounds if the first do not suffice."""
+    def _add(self, near: Posture, middle: Floats, half: Floats, wanted: Margins, part: Part) -> None:
+        """Add a part."""
         at = self._mechanism.track(middle, near)
-        if not self._see(at):
-            return False
+        if self._see(at):
+            self._bound(at, half, wanted, part)
+
+    def _bound(self, at: Posture, half: Floats, wanted: Margins, part: Part) -> None:
+        """Add the first-order bounds of a part, and the second-order bounds if the first do not suffice. at: in its
+        middle."""
         certified = margins_of_bounds(self._mechanism.certified_bounds(at, half, self._slack_m))
-        if spare_of(certified, _in_question(self._met, wanted)) < 0.0:
-            certified = largest_margins(
-                certified, margins_of_bounds(self._mechanism.sharp_bounds(at, half, self._slack_m))
-            )
-        self._boxes.append(Box(at, half, certified))
-        return True
+        box = Box(at, half, certified, part, sharp=False)
+        suffices = spare_of(certified, _in_question(self._met, wanted)) >= 0.0
+        self._boxes.append(box if suffices else self._sharpened(box))
+
+    def _sharpened(self, box: Box) -> Box:
+        """A part with its second-order bounds."""
+        more = margins_of_bounds(self._mechanism.sharp_bounds(box.at, box.half, self._slack_m))
+        return Box(box.at, box.half, largest_margins(box.certified, more), box.part, sharp=True)
+
+
+def _other_half(part: Part) -> Part | None:
+    """The part from which this one was cut off."""
+    return (*part[:-1], part[-1] ^ 1) if part else None
 
 
 class BoxBounds:
@@ -116,9 +189,10 @@ class BoxBounds:
         """First bounds over the box around a posture, without cuts."""
         return margins_of_bounds(self._mechanism.certified_bounds(at, half, self._slack_m))
 
-    def search(self, near: Posture, low: Floats, high: Floats) -> Search:
-        """Bounds over low..high (rad or m). near: a posture of the branch that continues in the box."""
-        return Search(self._mechanism, self._slack_m, near, low, high)
+    def search(self, near: Posture, low: Floats, high: Floats, parts: tuple[Part, ...] = WHOLE) -> Search:
+        """Bounds over low..high (rad or m). near: a posture of the branch that continues in the box. parts: those to
+        begin with."""
+        return Search(self._mechanism, self._slack_m, near, low, high, parts)
 
     def least(self, near: Posture, low: Floats, high: Floats, goal: Margins, cuts: int) -> Margins:
         """The same in one call: bounds that reach the goal, or the best after the allowed number of cuts."""

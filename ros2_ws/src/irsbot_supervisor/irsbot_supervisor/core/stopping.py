@@ -14,7 +14,15 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from irsbot_kinematics import Mechanism, Posture
 from irsbot_msgs_py.records import Floats
-from irsbot_supervisor.core.box_search import BoxBounds, largest_margins, nothing_of, smallest_margins, spare_of
+from irsbot_supervisor.core.box_search import (
+    WHOLE,
+    BoxBounds,
+    Part,
+    largest_margins,
+    nothing_of,
+    smallest_margins,
+    spare_of,
+)
 from irsbot_supervisor.core.estimation.estimate import Speeds
 from irsbot_supervisor.core.margins import Margins
 from irsbot_supervisor.core.reachable_box import ReachableBox
@@ -25,6 +33,9 @@ if TYPE_CHECKING:
 CUTS_OF_PAIRS, CUTS = 12, 16
 """Number of cuts for one sample in total: for robots with two joints, whose boxes have bounds in closed form, and for
 others. A warning may use half of them. The robot moves during the computation."""
+
+KEPT = 0.75
+"""1: of the bounds for one sample, the share that may go to the parts of the last box; the others are for new cuts."""
 
 WIDER = 0.1
 """1: a box is first tried with this share of its size added at each end: the boxes of the next samples then lie in it,
@@ -72,6 +83,7 @@ class StoppingPredictor:
         self._usual, self._cuts = ((release_of(settings), cuts // 2), (limits_of(settings, "stop"), cuts)), cuts
         self.known: Known | None = None  # the last box
         self.in_vain: Known | None = None  # a wider box whose proof failed
+        self._cut: tuple[tuple[Floats, Floats], tuple[Part, ...]] | None = None  # the last box that was cut
 
     def predict(
         self,
@@ -124,14 +136,23 @@ class StoppingPredictor:
         if wide is not None and wide.proves(warn, 0):
             return self._keep(ends, wide.certified, _shares(low, high, SMALLER))
         here = wider(low, high, SAME)
-        search = self._bounds.search(at, *here)
+        search = self._bounds.search(at, *here, self._parts(low, high))
         goal = next((goal for goal, most in self._usual if search.proves(goal, most)), None)
+        self._cut = here, search.parts(goal or self._usual[-1][0], 1 + int(KEPT * 2 * cuts))
         share = SMALLER if goal == warn else HARDLY_SMALLER
         if goal is not None and wide is not None:
             if wide.proves(goal, cuts - search.cuts):
                 return self._keep(ends, wide.certified, _shares(low, high, share))
             self.in_vain = Known(*ends, wide.certified, _shares(low, high, HARDLY_SMALLER))
         return self._keep(here, search.certified, _shares(low, high, share))
+
+    def _parts(self, low: Floats, high: Floats) -> tuple[Part, ...]:
+        """Parts to begin with: those of the last box that was cut, if the middle of this one lies in it."""
+        if self._cut is None:
+            return WHOLE
+        ends, parts = self._cut
+        middle = [0.5 * (a + b) for a, b in zip(low, high, strict=True)]
+        return parts if all(a <= q <= b for a, q, b in zip(ends[0], middle, ends[1], strict=True)) else WHOLE
 
     def _keep(self, ends: tuple[Floats, Floats], certified: Margins, least: Floats) -> Known:
         """Keep the bounds for the next samples."""
