@@ -36,16 +36,16 @@ def shown(value: object) -> str:
         return f"a {type(value).__name__} too long to print"
 
 
-def array(values: ArrayLike, what: str, wanted: str, error: type[ValueError] = BadInput) -> Array:
+def array(values: ArrayLike, what: str, wanted: str, error: type[ValueError] = BadInput, copy: bool = True) -> Array:
     """Numbers as an array of floats of any shape; also NaN and infinite ones. wanted: the right value, for the
-    message."""
+    message. copy: False if an array of floats may be returned as it is."""
     try:
         given = np.asarray(values)
     except (TypeError, ValueError):  # rows of different lengths
         given = np.empty(0, dtype=object)
     if given.dtype.kind not in "iuf" and given.size:
         raise error(f"{what} must be {wanted}, got {shown(values)}")
-    return given.astype(float)
+    return given.astype(float, copy=copy)
 
 
 def number(
@@ -92,10 +92,10 @@ def matrix(values: ArrayLike, shape: tuple[int, ...], what: str) -> Array:
     return given
 
 
-def table(values: ArrayLike, columns: int, what: str) -> Array:
-    """(N, columns) numbers. NaN and infinite ones are allowed: their rows get a status."""
+def table(values: ArrayLike, columns: int, what: str, copy: bool = True) -> Array:
+    """(N, columns) numbers. NaN and infinite ones are allowed: their rows get a status. copy: as for `array`."""
     wanted = f"numbers of shape (N, {columns})"
-    given = array(values, what, wanted)
+    given = array(values, what, wanted, copy=copy)
     if given.ndim != 2 or given.shape[1] != columns:
         raise BadInput(f"{what} must be {wanted}, got shape {given.shape}")
     return given

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import reduce
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from irsbot_kinematics import statics
+from irsbot_kinematics.errors import BadInput
 from irsbot_kinematics.mechanism import Legs, Mechanism, Posture, Signs, Status
 from irsbot_kinematics.numerics.arithmetic import ARRAYS, Array
 from irsbot_kinematics.numerics.tolerances import (
@@ -71,11 +72,17 @@ Fill = Callable[[Array, Evaluations], None]
 
 
 def evaluate_many(
-    mechanism: Mechanism, joints: Array, assembly: int, load: Load | None = None, fill: Fill | None = None
+    mechanism: Mechanism,
+    joints: Array,
+    assembly: int,
+    load: Load | None = None,
+    fill: Fill | None = None,
+    out: Evaluations | None = None,
 ) -> Evaluations:
     """Poses and margins of joints (N, n) in one assembly mode. fill: the same equations in another form, for use where
-    no load is given."""
-    result = _blank(mechanism, joints, assembly, load)
+    no load is given. out: evaluations whose arrays are filled anew. Raises BadInput if they do not fit."""
+    result = _blank(mechanism, joints, assembly, load, out)
+    joints = result.joint_position
     if fill is not None and load is None:
         fill(joints, result)
         return result
@@ -86,14 +93,19 @@ def evaluate_many(
 
 
 def evaluate_motion(
-    mechanism: Mechanism, joints: Array, first: Posture | None, load: Load | None = None
+    mechanism: Mechanism,
+    joints: Array,
+    first: Posture | None,
+    load: Load | None = None,
+    out: Evaluations | None = None,
 ) -> Evaluations:
     """Poses and margins of joints (N, n), followed one after the other on the branch of the first posture.
 
     If a sample has no pose, the branch is lost: this sample and all later ones are not SOLVED. `first` may be None if
-    there are no samples.
+    there are no samples. out: evaluations whose arrays are filled anew. Raises BadInput if they do not fit.
     """
-    result = _blank(mechanism, joints, 0, load)
+    result = _blank(mechanism, joints, 0, load, out)
+    joints = result.joint_position
     at, followed = first, []
     for q in joints.tolist() if first is not None else ():
         assert at is not None
@@ -114,23 +126,49 @@ def evaluate_motion(
     return result
 
 
-def _blank(mechanism: Mechanism, joints: Array, assembly: int, load: Load | None) -> Evaluations:
-    """Evaluations that `_evaluate` is to fill, but for NaN in what a mechanism need not have."""
+def _blank(
+    mechanism: Mechanism, joints: Array, assembly: int, load: Load | None, out: Evaluations | None
+) -> Evaluations:
+    """Evaluations that `_evaluate` is to fill, with a copy of the joints, and NaN in what a mechanism need not have."""
     number, n = joints.shape
-    return Evaluations(
-        status=np.full(number, Status.INVALID, np.uint8),
-        joint_position=joints,
-        pose=np.empty((number, len(mechanism.task))),
-        assembly_mode=assembly,
-        working_mode=np.empty((number, n), np.int8),
-        type1_margin=np.empty((number, n)),
-        type2_margin=np.empty(number),
-        constraint_margin=np.full(number, np.nan),
-        limb_margin=np.full((number, mechanism.limb_count), np.nan),
-        pressure_angle=np.empty((number, n)),
-        reach=np.empty(number),
-        closure_residual=np.empty(number),
-        reaction_max=np.empty((number, n if load else 0)),
+    shapes: dict[str, tuple[type, tuple[int, ...]]] = {
+        "status": (np.uint8, (number,)),
+        "joint_position": (np.float64, (number, n)),
+        "pose": (np.float64, (number, len(mechanism.task))),
+        "working_mode": (np.int8, (number, n)),
+        "type1_margin": (np.float64, (number, n)),
+        "type2_margin": (np.float64, (number,)),
+        "constraint_margin": (np.float64, (number,)),
+        "limb_margin": (np.float64, (number, mechanism.limb_count)),
+        "pressure_angle": (np.float64, (number, n)),
+        "reach": (np.float64, (number,)),
+        "closure_residual": (np.float64, (number,)),
+        "reaction_max": (np.float64, (number, n if load else 0)),
+    }
+    if out is None:
+        arrays: dict[str, Any] = {name: np.empty(shape, dtype) for name, (dtype, shape) in shapes.items()}
+    else:
+        arrays = {name: _reused(out, name, *wanted) for name, wanted in shapes.items()}
+    result = Evaluations(**arrays, assembly_mode=assembly)
+    result.joint_position[:] = joints
+    result.status.fill(Status.INVALID)
+    result.constraint_margin.fill(np.nan)
+    result.limb_margin.fill(np.nan)
+    return result
+
+
+def _reused(out: Evaluations, name: str, dtype: type, shape: tuple[int, ...]) -> NDArray[Any]:
+    """An array of earlier evaluations, which machine code may fill."""
+    array: object = getattr(out, name)
+    given = type(array).__name__
+    if isinstance(array, np.ndarray):
+        fits = array.dtype == dtype and array.shape == shape
+        if fits and array.flags.c_contiguous and array.flags.writeable and array.flags.aligned:
+            return array
+        given = f"{array.dtype} {array.shape}"
+    raise BadInput(
+        f"out must be evaluations of {shape[0]} samples of such a robot, got {name} {given}, "
+        f"not {np.dtype(dtype)} {shape}, contiguous and writeable"
     )
 
 

@@ -297,10 +297,10 @@ def test_parts_without_processes_give_every_robot_the_batch_and_their_goals() ->
     assert facts["batch"]["bytes_per_sample"] == 16 + 1 + 16 + 2 + 16 + 8 + 8 + 16 + 8 + 8
     # plain Python has a goal for the default robot alone
     steps = ["P4"] * (3 if facts["one_sample"][0]["compiled"] else 2)
-    rates = facts["batch"]["samples_per_s"], facts["batch"]["compiled_samples_per_s"]
+    rates = [facts["batch"][f"{kind}samples_per_s"] for kind in ("", "compiled_", "anew_")]
     assert min(rates) > 0.0
-    assert [goal["goal"] for goal in facts["goals"]] == [*steps, "P5", "P5"]
-    assert [goal["measured"] * 1e6 for goal in facts["goals"][-2:]] == pytest.approx(rates)
+    assert [goal["goal"] for goal in facts["goals"]] == [*steps, "P5", "P5", "P5"]
+    assert [goal["measured"] * 1e6 for goal in facts["goals"][-3:]] == pytest.approx(rates)
     assert facts["transport"] == facts["startup"] == []
 
 

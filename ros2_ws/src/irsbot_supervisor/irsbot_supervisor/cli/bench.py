@@ -135,10 +135,14 @@ def _tables(measured: Measured) -> list[Table]:
         tables.append(table)
     if measured.batch is not None:
         found = measured.batch
-        columns = ("numpy [Msamples/s]", "machine code", f"{found.threads} threads", "bytes per sample", "copy [GB/s]")
-        table = Table(*columns, "share of copy", title="batch")
-        rates = (found.samples_per_s, found.compiled_samples_per_s, found.threaded_samples_per_s)
-        told = ["no compiler" if rate is None else f"{rate * 1e-6:.2f}" for rate in rates]
+        rates = {
+            "numpy [Msamples/s]": found.samples_per_s,
+            "machine code": found.compiled_samples_per_s,
+            f"{found.threads} threads": found.threaded_samples_per_s,
+            "filled anew": found.anew_samples_per_s,
+        }
+        table = Table(*rates, "bytes per sample", "copy [GB/s]", "share of copy", title="batch")
+        told = ["no compiler" if rate is None else f"{rate * 1e-6:.2f}" for rate in rates.values()]
         copied = f"{found.copied_bytes_per_s * 1e-9:.1f}"
         table.add_row(*told, f"{found.bytes_per_sample:.0f}", copied, f"{found.share_of_copy:.1%}")
         tables.append(table)

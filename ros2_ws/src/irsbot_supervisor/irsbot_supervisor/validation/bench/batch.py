@@ -31,6 +31,8 @@ class Batch(NamedTuple):
     """Number of cores."""
     threaded_samples_per_s: float | None
     """As machine code, one thread per core."""
+    anew_samples_per_s: float | None
+    """The same into the arrays of an earlier call: the system need not clear new memory."""
     bytes_per_sample: float
     """Bytes read and written: joints in, all margins out."""
     copied_bytes_per_s: float
@@ -56,14 +58,17 @@ def measure(tell: Callable[[str], None], *, quick: bool = False) -> Batch:
     target = np.zeros_like(source)
     threads = len(os.sched_getaffinity(0))
     robots = [robot, *_compiled(tell, [1, threads])]
-    evaluating, copying = [np.inf] * len(robots), np.inf
+    calls = [partial(one.evaluate_many, joints) for one in robots]
+    if len(robots) > 1:
+        calls.append(partial(robots[-1].evaluate_many, joints, out=columns))
+    evaluating, copying = [np.inf] * len(calls), np.inf
     for _ in range(2 if quick else REPETITIONS):  # in turns, so that all meet the same machine
         copying = min(copying, _seconds(lambda: np.copyto(target, source)))
-        taken = [_seconds(partial(one.evaluate_many, joints)) for one in robots]
+        taken = [_seconds(call) for call in calls]
         evaluating = list(map(min, evaluating, taken))
-    plain, compiled, threaded, *_ = [*(number / seconds for seconds in evaluating), None, None]
+    plain, compiled, threaded, anew, *_ = [*(number / seconds for seconds in evaluating), None, None, None]
     assert plain is not None
-    return Batch(number, plain, compiled, threads, threaded, moved / number, 2.0 * source.nbytes / copying)
+    return Batch(number, plain, compiled, threads, threaded, anew, moved / number, 2.0 * source.nbytes / copying)
 
 
 def _compiled(tell: Callable[[str], None], threads: Sequence[int]) -> list[Robot]:
