@@ -78,76 +78,85 @@ def run(job: Job) -> Row:
     return tally.row()
 
 
-class _Stream:
-    """Motions under supervision: the robot stands until the sample interval is known, then it moves."""
+class _Supervised:
+    """A motion and its supervisor: the robot stands until the sample interval is known, then it moves."""
 
-    def __init__(
-        self, where: str, robot: Robot, settings: Settings, motion: Callable[[], Motion], at_work: bool
-    ) -> None:
-        self._where, self._robot, self._settings, self._at_work = where, robot, settings, at_work
-        self._rest = round(SETTLING * settings.stale_s / PERIOD_S) + 2
-        self._new_motion = motion
-
-    def watch(self, tally: Tally, number: int) -> None:
-        """Run until this number of samples were clear."""
-        done, fed, stopped = 0, 0, True
-        before: Array = np.empty((0, len(self._settings.joint_names)))
-        while done < number and fed < MOST_FED * number + self._rest:
-            if stopped:
-                self._begin()
-                before = before[:0]
-            batch = self._feed(min(BATCH, max(number - done, 1) + max(self._rest - self._fed, 0)))
-            fed += len(batch.levels)
-            clear, calm = self._clear(batch, before)
-            before = np.concatenate((before, batch.positions))[-PAST:]
-            due = ~clear & (np.array(batch.levels) >= Level.STOP) & (batch.stamps >= self._rest * PERIOD_S)
-            stopped = bool(due.any()) and not self._at_work  # at work every stop is a false one
-            counted = slice(int(due.argmax()) if stopped else None)
-            done += int(clear[counted].sum())
-            self._judge(tally, batch.part(counted), clear[counted], calm[counted])
-        tally.add(FED, fed)
-        if done < number:
-            tally.many(0, 1, f"{self._where}: only {done} of {fed} samples are clear")
-
-    def _begin(self) -> None:
-        """Begin a motion, under a new supervisor."""
-        motion = self._new_motion()
+    def __init__(self, robot: Robot, settings: Settings, motion: Motion, rest: int) -> None:
+        """rest: number of samples until the robot moves."""
         position, velocity = next(motion)
-        self._motion = chain(repeat((position, velocity), self._rest), motion)
-        self._supervisor = Supervisor(self._settings, self._robot)
-        self._at = self._robot.mechanism.posture(position, self._settings.assembly_mode)
-        self._fed = 0  # of this motion
+        self._motion = chain(repeat((position, velocity), rest), motion)
+        self._settings, self._supervisor = settings, Supervisor(settings, robot)
+        self.at = robot.mechanism.posture(position, settings.assembly_mode)
+        self.fed = 0
 
-    def _feed(self, number: int) -> _Batch:
+    def feed(self, number: int) -> _Batch:
         """Feed the next samples."""
         settings, stamps, positions, levels, texts = self._settings, [], [], [], []
         for position, velocity in islice(self._motion, number):
-            now_ns = round(self._fed * PERIOD_S * NS_PER_S)
+            now_ns = round(self.fed * PERIOD_S * NS_PER_S)
             seen = measured(position, settings)
             sample = JointSample(
                 BEGIN_NS + now_ns, BEGIN_NS + now_ns, NS_PER_S + now_ns, settings.joint_names, seen, velocity
             )
             step = self._supervisor.step(sample)
             assert step.state is not None, "every sample has a state"
-            stamps.append(self._fed * PERIOD_S)
+            stamps.append(self.fed * PERIOD_S)
             positions.append(seen)
             levels.append(step.state.level)
             texts.append(step.verdict.text if step.verdict else f"causes {step.state.causes}")
-            self._fed += 1
+            self.fed += 1
         return _Batch(np.array(stamps), np.array(positions), levels, texts)
 
-    def _clear(self, batch: _Batch, before: Array) -> tuple[Which, Which]:
+
+class _Stream:
+    """Motions under supervision, one after the other."""
+
+    def __init__(
+        self, where: str, robot: Robot, settings: Settings, motion: Callable[[], Motion], at_work: bool
+    ) -> None:
+        self._where, self._robot, self._settings, self._at_work = where, robot, settings, at_work
+        self._rest = round(SETTLING * settings.stale_s / PERIOD_S) + 2
+        self._motion = motion
+
+    def watch(self, tally: Tally, number: int) -> None:
+        """Run until this number of samples were clear."""
+        done, fed, moving = 0, 0, self._begin()
+        before = self._no_positions()
+        while done < number and fed < MOST_FED * number + self._rest:
+            batch = moving.feed(min(BATCH, max(number - done, 1) + max(self._rest - moving.fed, 0)))
+            fed += len(batch.levels)
+            clear, calm = self._clear(batch, before, moving)
+            before = np.concatenate((before, batch.positions))[-PAST:]
+            due = ~clear & (np.array(batch.levels) >= Level.STOP) & (batch.stamps >= self._rest * PERIOD_S)
+            stopped = bool(due.any()) and not self._at_work  # at work every stop is a false one
+            counted = slice(int(due.argmax()) if stopped else None)
+            done += int(clear[counted].sum())
+            self._judge(tally, batch.part(counted), clear[counted], calm[counted])
+            if stopped:
+                moving, before = self._begin(), self._no_positions()
+        tally.add(FED, fed)
+        if done < number:
+            tally.many(0, 1, f"{self._where}: only {done} of {fed} samples are clear")
+
+    def _begin(self) -> _Supervised:
+        """Begin a motion, under a new supervisor."""
+        return _Supervised(self._robot, self._settings, self._motion(), self._rest)
+
+    def _no_positions(self) -> Array:
+        return np.empty((0, len(self._settings.joint_names)))
+
+    def _clear(self, batch: _Batch, before: Array, moving: _Supervised) -> tuple[Which, Which]:
         """Mark the samples that are clear of stops, and those that are clear of warnings."""
         settings = self._settings
         positions = np.concatenate((before, batch.positions))
         stamps = batch.stamps[0] + PERIOD_S * np.arange(-len(before), len(batch.positions))
         unseen_s = PERIOD_S + min(PERIOD_S, JUDGING_S)  # every sample arrives in the moment of its stamp
         low, high = (bound[len(before) :] for bound in boxes(stamps, positions, settings, unseen_s))
-        ats = list(followed(self._robot, batch.positions, self._at))
-        self._at = ats[-1]
+        ats = list(followed(self._robot, batch.positions, moving.at))
+        moving.at = ats[-1]
         least = least_margins(self._robot, settings, low, high, ats)
-        moving = batch.stamps >= self._rest * PERIOD_S
-        clear: Which = moving & (least >= CLEAR_OF_STOP * limits(settings, "stop")).all(axis=1)
+        moves = batch.stamps >= self._rest * PERIOD_S
+        clear: Which = moves & (least >= CLEAR_OF_STOP * limits(settings, "stop")).all(axis=1)
         return clear, clear & (least >= CLEAR_OF_WARNING * limits(settings, "warn")).all(axis=1)
 
     def _judge(self, tally: Tally, batch: _Batch, clear: Which, calm: Which) -> None:
