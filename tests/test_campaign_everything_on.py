@@ -14,6 +14,9 @@ import pytest
 pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 pytest.importorskip("foxglove", reason="needs foxglove-sdk")
 
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.serialization import serialize_message
+
 from irsbot_msgs_py.records import JointSample
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.bag.bag_writer import BagWriter
@@ -61,7 +64,7 @@ def test_losses_and_latency_are_counted(tmp_path: Path) -> None:
             if number not in (30, 70):  # was lost
                 bag.add("/supervisor/state", state._replace(compute_time=0.0), sample.received_ns)
     found = campaign().judgement(tmp_path / "bag")
-    assert (found.samples, found.unjudged, found.unsent) == (97, 2, 3)
+    assert (found.samples, found.unjudged, found.unsent, found.skipped) == (97, 2, 3, 0)
     assert found.latency_ms == pytest.approx(1e-6 * LATE_NS)
 
 
@@ -80,4 +83,12 @@ def test_a_short_run_shows_memory_latency_and_loss(tmp_path: Path) -> None:
     assert int(received.replace(",", "")) > 0
     (samples,) = re.findall(r"^([\d,]+) joint states", done.stdout, re.MULTILINE)
     assert int(samples.replace(",", "")) > 1000
+    assert re.search(r"^\d+ were skipped for newer ones", done.stdout, re.MULTILINE)
     assert [path.name for path in (tmp_path / "run").iterdir()] == ["logs"]
+
+
+def test_skipped_samples_are_those_that_the_supervisor_counted() -> None:
+    values = [KeyValue(key="samples [1/s]", value="998.2"), KeyValue(key="skipped", value="7")]
+    told = DiagnosticArray(status=[DiagnosticStatus(), DiagnosticStatus(values=values)])
+    assert campaign().skipped_in(serialize_message(told)) == 7
+    assert campaign().skipped_in(serialize_message(DiagnosticArray(status=[DiagnosticStatus()]))) is None

@@ -4,8 +4,9 @@
 
 Starts `up --web --foxglove`: simulated joints, kinematics, supervisor, recorder, live page, server for Foxglove. A
 client of Foxglove receives every channel; a Chromium shows the live page if there is one. The memory of every node is
-sampled once a second. Latency and loss come from the recorded bag, which is removed afterwards. Exit code 1 if a sample
-was lost, or if a node grew; 2 if the run could not be made.
+sampled once a second. Latency and loss come from the recorded bag, which is removed afterwards: also how many samples
+the supervisor skipped for newer ones, by its own count. Exit code 1 if a sample was lost, or if a node grew; 2 if the
+run could not be made.
 """
 
 from __future__ import annotations
@@ -25,6 +26,8 @@ from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 import psutil
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.serialization import deserialize_message
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
@@ -64,6 +67,8 @@ class Judged(NamedTuple):
     """Number of recorded joint states between the first and the last state that no recorded state belongs to."""
     unsent: int
     """Number of periods without a joint state: the simulation was late, or the recorder lost it."""
+    skipped: int
+    """Number of joint states that the supervisor skipped for newer ones, by its last diagnostics."""
 
 
 def main() -> int:
@@ -198,6 +203,7 @@ def judgement(bag: Path) -> Judged:
                 judged[entry.record.stamp_ns] = 1e3 * (entry.record.sample_age + entry.record.compute_time)
             elif isinstance(entry.record, JointSample):
                 sent.add(entry.record.stamp_ns)
+        skipped = [count for message in run.messages("/diagnostics") if (count := skipped_in(message.data)) is not None]
     first, last = min(judged), max(judged)
     between = sorted(stamp for stamp in sent if first <= stamp <= last)
     periods = np.round(np.diff(between) / (PERIOD_S * NS_PER_S))
@@ -206,7 +212,15 @@ def judgement(bag: Path) -> Judged:
         len(between),
         sum(stamp not in judged for stamp in between),
         int(np.maximum(periods - 1.0, 0.0).sum()),
+        max(skipped, default=0),
     )
+
+
+def skipped_in(diagnostics: bytes) -> int | None:
+    """The number of skipped samples in a message of diagnostics; None if it is from another node."""
+    said: DiagnosticArray = deserialize_message(diagnostics, DiagnosticArray)
+    found = [int(value.value) for status in said.status for value in status.values if value.key == "skipped"]
+    return found[0] if found else None
 
 
 def show_latency(judged: Judged) -> None:
@@ -220,6 +234,7 @@ def show_latency(judged: Judged) -> None:
         label = f"< {edge:g} ms" if edge < math.inf else f">= {EDGES_MS[-2]:g} ms"
         print(f"  {label:>10} {count:10,} {'#' * math.ceil(BAR * count / counts.max())}")
     print(f"{judged.samples:,} joint states, {judged.unjudged} without a state, {judged.unsent} periods without one")
+    print(f"{judged.skipped} were skipped for newer ones, which are judged instead")
 
 
 if __name__ == "__main__":
