@@ -23,7 +23,7 @@ from irsbot_supervisor.core.supervisor import Supervisor
 # --- samples that come late -------------------------------------------------------------------------------------
 
 
-def with_pauses(supervisor: Supervisor, make, pause_ms: int = 26, number: int = 3) -> list[Step]:
+def with_pauses(supervisor: Supervisor, make, pause_ms: int = 30, number: int = 3) -> list[Step]:
     """Samples every millisecond, and pauses of the machine, after each of which only the newest sample is judged."""
     times = [ms for k in range(number) for ms in range(k * (20 + pause_ms), k * (20 + pause_ms) + 20)]
     return feed(supervisor, [make(ms) for ms in times])
@@ -31,14 +31,14 @@ def with_pauses(supervisor: Supervisor, make, pause_ms: int = 26, number: int = 
 
 @pytest.mark.parametrize("z", [-0.85, -1.1, -1.15])
 def test_late_samples_do_not_stop_a_robot_at_rest_but_its_state_is_unknown(z):
-    """At 400 rad/s2 a joint could get 0.6 rad far in two pauses: no posture has that room."""
+    """At 400 rad/s2 a joint could get 0.8 rad far in two pauses: too far for these postures."""
     supervisor, q = ready(pose=(0.0, z))
     steps = with_pauses(supervisor, lambda ms: sample(ms, q))
     late = newest(steps)
     assert (late.level, late.latched, late.event) == (Level.UNKNOWN, False, 0)
     assert late.causes & Cause.STALE
-    assert "samples come late, by now the next may be judged 32 ms after this one" in late.text  # 27 and 5 for judging
-    steps += feed(supervisor, resting(112, 500, q))
+    assert "samples come late, by now the next may be judged 36 ms after this one" in late.text  # 31 and 5 for judging
+    steps += feed(supervisor, resting(120, 500, q))
     assert level_in_force(steps) <= Level.WARN
     assert not any(step.verdict.latched for step in steps if step.verdict is not None)
 
@@ -54,7 +54,7 @@ def test_a_busy_start_latches_no_stop_of_a_robot_at_rest():
 
 def test_a_sender_that_is_as_slow_as_that_stops_the_robot():
     supervisor, q = ready()
-    slow = newest([supervisor.step(sample(27 * k, q)) for k in range(10)])
+    slow = newest([supervisor.step(sample(31 * k, q)) for k in range(10)])
     assert (slow.level, slow.latched) == (Level.STOP, True)
 
 
