@@ -29,6 +29,7 @@ from irsbot_supervisor.core import assessment, margins
 from irsbot_supervisor.core import supervisor as pipeline
 from irsbot_supervisor.core import validation as intake
 from irsbot_supervisor.core.estimation import frozen, jumps, silence
+from irsbot_supervisor.core.stopping import StoppingPredictor
 from irsbot_supervisor.fleet.cluster import Cluster
 from irsbot_supervisor.sim.trajectory import joint_move
 from irsbot_supervisor.trajectory.joint_path import joint_limits_of
@@ -116,6 +117,16 @@ def blind(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pipeline.StoppingPredictor, "predict", now)
 
 
+def timid(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every margin may vanish."""
+
+    class Timid(StoppingPredictor):
+        def predict(self, *_rest: Any, **_more: Any) -> Any:
+            return (0.0,) * 4
+
+    monkeypatch.setattr(pipeline, "StoppingPredictor", Timid)  # the settings are checked with the right one
+
+
 def trusting(monkeypatch: pytest.MonkeyPatch) -> None:
     """Stamps are believed whatever they are."""
     monkeypatch.setattr(intake.Intake, "_stamp_fault", lambda *_: None)
@@ -168,6 +179,7 @@ def obliging(monkeypatch: pytest.MonkeyPatch) -> None:
         (careless, garbage.run, job(270)),
         (gullible, loci.run, job(8, "irsbot2")),
         (forgetful, loci.run, job(30, "irsbot2")),
+        (timid, loci.run, job(8, "irsbot2")),
         (obliging, resets.run, job(200)),
     ],
 )

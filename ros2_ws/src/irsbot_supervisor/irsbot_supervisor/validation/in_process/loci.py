@@ -29,6 +29,8 @@ from irsbot_supervisor.validation.harness.oracle import (
     supervised,
 )
 from irsbot_supervisor.validation.harness.rows import Job, Row, Tally
+from irsbot_supervisor.validation.in_process.clean import CLEAR_OF_STOP
+from irsbot_supervisor.validation.in_process.reachable import JUDGING_S, boxes, least_margins
 
 NAME = "loci"
 MUST = "mode flips, and postures on and near loci, 1e-12..1e-2: detected and latched; finite; right cause"
@@ -50,6 +52,7 @@ STARTS = 16
 
 BEGIN_NS = 10**15
 PERIOD_NS = 1_000_000
+PERIOD_S = PERIOD_NS / NS_PER_S
 RESTS = 220
 """ms that a robot stands: longer than a silence, the learning after it, and the dwell time."""
 
@@ -204,7 +207,8 @@ def _is_same(robot: Robot, settings: Settings, Q: Array) -> NDArray[np.bool_]:
 
 
 def _flip(robot: Robot, settings: Settings, start: Array, rng: np.random.Generator) -> tuple[str, str] | None:
-    """A robot whose encoders jump to another working mode of the same pose, and back; None if that is out of reach."""
+    """A robot whose encoders jump to another working mode of the same pose, and back; None if that is out of reach, or
+    if a robot at rest there could not be stopped."""
     others = [mode for mode in robot.mechanism.working_modes if mode != settings.working_mode]
     pose = robot.direct(start, settings.assembly_mode)
     try:
@@ -213,7 +217,8 @@ def _flip(robot: Robot, settings: Settings, start: Array, rng: np.random.Generat
         return None
     put = Stand(robot, settings)
     if not put.stand(tuple(start.tolist())):
-        return "", f"a good posture is not allowed: {put.stated}"
+        stated = f"a good posture is not allowed: {put.stated}"
+        return ("", stated) if _can_be_stopped(robot, settings, start) else None
     put.stand(tuple(flipped.tolist()))
     assert put.verdict is not None, "sixty samples lead to a verdict"
     if put.verdict.level <= Level.WARN:
@@ -229,6 +234,15 @@ def _flip(robot: Robot, settings: Settings, start: Array, rng: np.random.Generat
         return "what was latched is gone", ""
     refusal = put.reset()
     return "", put.fault or (f"a reset in the right mode is refused: {refusal}" if refusal else "")
+
+
+def _can_be_stopped(robot: Robot, settings: Settings, start: Array) -> bool:
+    """True if no limit is near where the drives of a robot at rest can get until it stands."""
+    stamps, unseen_s = PERIOD_S * np.arange(RESTS, dtype=float), PERIOD_S + min(PERIOD_S, JUDGING_S)
+    low, high = (bound[-1:] for bound in boxes(stamps, np.tile(start, (RESTS, 1)), settings, unseen_s))
+    at = robot.mechanism.posture(tuple(start.tolist()), settings.assembly_mode)
+    least = least_margins(robot, settings, low, high, [at])[0]
+    return bool((least >= CLEAR_OF_STOP * limits(settings, "stop")).all())
 
 
 def _flipped(mode: tuple[int, ...], settings: Settings) -> bool:
