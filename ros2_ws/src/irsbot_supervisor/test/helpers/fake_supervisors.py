@@ -43,7 +43,7 @@ class FakeBoxSupervisor:
         stamps = np.array([one.stamp_ns - past[0].stamp_ns for one in past]) / NS_PER_S
         positions = np.array([one.position for one in past])
         age_s = (sample.received_ns - sample.stamp_ns) / NS_PER_S
-        unseen_s = age_s + self._gap_s + min(self._gap_s, reachable.JUDGING_S)
+        unseen_s = reachable.until_judged_s(self._gap_s, age_s)
         low, high = reachable.boxes(stamps, positions, settings, unseen_s)
         at = self._robot.mechanism.posture(sample.position, settings.assembly_mode)
         least = reachable.least_margins(self._robot, settings, low[-1:], high[-1:], [at])[0]

@@ -26,13 +26,13 @@ from irsbot_supervisor.core.supervisor import Supervisor
 from irsbot_supervisor.validation.harness.motion import PERIOD_S, Motion, measured, swings, work, works
 from irsbot_supervisor.validation.harness.oracle import Array, followed, limits, supervised
 from irsbot_supervisor.validation.harness.rows import FALSE_STOPS, Job, Row, Tally
-from irsbot_supervisor.validation.in_process.reachable import JUDGING_S, boxes, least_margins
+from irsbot_supervisor.validation.in_process.reachable import CLEAR_OF_STOP, boxes, least_margins, until_judged_s
 
 NAME = "clean"
 MUST = "0 stops where all within reach keeps 1.2 times the stop limits; 0 warnings above 1.5 times theirs, and at work"
 
-CLEAR_OF_STOP, CLEAR_OF_WARNING = 1.2, 1.5
-"""1: multiples of the limits that all margins within reach keep at a clear sample."""
+CLEAR_OF_WARNING = 1.5
+"""1: multiple of the warning limits that all margins within reach keep where no warning is due."""
 BEGIN_NS = 10**15
 BATCH = 500
 """Samples between two messages to the progress bar."""
@@ -150,7 +150,7 @@ class _Stream:
         settings = self._settings
         positions = np.concatenate((before, batch.positions))
         stamps = batch.stamps[0] + PERIOD_S * np.arange(-len(before), len(batch.positions))
-        unseen_s = PERIOD_S + min(PERIOD_S, JUDGING_S)  # every sample arrives in the moment of its stamp
+        unseen_s = until_judged_s(PERIOD_S)  # every sample arrives in the moment of its stamp
         low, high = (bound[len(before) :] for bound in boxes(stamps, positions, settings, unseen_s))
         ats = list(followed(self._robot, batch.positions, moving.at))
         moving.at = ats[-1]

@@ -19,6 +19,7 @@ from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.configuration.loading import read_settings
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.core.supervisor import Supervisor
+from irsbot_supervisor.validation.harness.motion import PERIOD_S
 from irsbot_supervisor.validation.harness.oracle import (
     MARGINS,
     Array,
@@ -29,8 +30,8 @@ from irsbot_supervisor.validation.harness.oracle import (
     supervised,
 )
 from irsbot_supervisor.validation.harness.rows import Job, Row, Tally
-from irsbot_supervisor.validation.in_process.clean import CLEAR_OF_STOP
-from irsbot_supervisor.validation.in_process.reachable import JUDGING_S, boxes, least_margins
+from irsbot_supervisor.validation.harness.stream import PERIOD_NS
+from irsbot_supervisor.validation.in_process.reachable import CLEAR_OF_STOP, boxes, least_margins, until_judged_s
 
 NAME = "loci"
 MUST = "mode flips, and postures on and near loci, 1e-12..1e-2: detected and latched; finite; right cause"
@@ -51,8 +52,6 @@ STARTS = 16
 """Number of good postures that are searched at once."""
 
 BEGIN_NS = 10**15
-PERIOD_NS = 1_000_000
-PERIOD_S = PERIOD_NS / NS_PER_S
 RESTS = 220
 """ms that a robot stands: longer than a silence, the learning after it, and the dwell time."""
 
@@ -238,8 +237,8 @@ def _flip(robot: Robot, settings: Settings, start: Array, rng: np.random.Generat
 
 def _can_be_stopped(robot: Robot, settings: Settings, start: Array) -> bool:
     """True if no limit is near where the drives of a robot at rest can get until it stands."""
-    stamps, unseen_s = PERIOD_S * np.arange(RESTS, dtype=float), PERIOD_S + min(PERIOD_S, JUDGING_S)
-    low, high = (bound[-1:] for bound in boxes(stamps, np.tile(start, (RESTS, 1)), settings, unseen_s))
+    stamps, positions = PERIOD_S * np.arange(RESTS, dtype=float), np.tile(start, (RESTS, 1))
+    low, high = (bound[-1:] for bound in boxes(stamps, positions, settings, until_judged_s(PERIOD_S)))
     at = robot.mechanism.posture(tuple(start.tolist()), settings.assembly_mode)
     least = least_margins(robot, settings, low, high, [at])[0]
     return bool((least >= CLEAR_OF_STOP * limits(settings, "stop")).all())

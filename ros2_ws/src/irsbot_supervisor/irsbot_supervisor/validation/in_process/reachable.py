@@ -18,6 +18,9 @@ from irsbot_supervisor.validation.harness.oracle import Array, accelerations, ma
 JUDGING_S = 0.005
 """s: longest time to judge a sample; not longer than the sample interval."""
 
+CLEAR_OF_STOP = 1.2
+"""1: multiple of the stop limits that all margins within reach keep where no stop is due."""
+
 POINTS = {1: 5, 2: 5, 3: 5, 4: 4}
 """Points along each edge of a box, by the number of joints."""
 
@@ -70,6 +73,11 @@ def boxes(stamps: Array, positions: Array, settings: Settings, unseen_s: Array |
     ahead, back = fastest(stamps, positions, settings)
     horizon_s, error = unseen_s + settings.latency_s, errors(settings)
     return positions - error - reach(back, horizon_s, settings), positions + error + reach(ahead, horizon_s, settings)
+
+
+def until_judged_s(interval_s: float, age_s: float = 0.0) -> float:
+    """s from a stamp until the next sample has been judged. age_s: how long samples take to arrive."""
+    return age_s + interval_s + min(interval_s, JUDGING_S)
 
 
 def least_margins(robot: Robot, settings: Settings, low: Array, high: Array, begins: list[Posture]) -> Array:
