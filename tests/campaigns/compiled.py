@@ -20,6 +20,9 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
+from rich.console import Console
+from rich.progress import Progress, SpinnerColumn, TimeElapsedColumn
+
 ROOT = Path(__file__).resolve().parents[2]
 BAGS = ROOT / "bags"
 PIECE = 500
@@ -167,16 +170,31 @@ def compare(arguments: list[str]) -> int:
         subprocess.Popen(command, env={**os.environ, "IRSBOT_PLAIN": switch}, stdout=subprocess.PIPE, text=True)
         for switch in ("", "1")
     ]
-    compiled, plain = (process.communicate()[0].splitlines() for process in forms)
-    if compiled[:1] != ["compiled True"]:
-        print("there are no compiled modules of these sources: ./irsbot setup makes them", file=sys.stderr)
-        return 2
-    different = [f"{a} against {b}" for a, b in zip_longest(compiled[1:], plain[1:]) if a != b]
-    for line in different:
-        print(f"different: {line}")
-    failed = any(process.returncode for process in forms)
-    print(f"{len(plain) - 1} pieces of work compared, {len(different)} differ" + (", and one failed" if failed else ""))
-    return 1 if different or failed or len(plain) < 2 else 0
+    pieces, different = 0, 0
+    columns = SpinnerColumn(), "{task.completed} pieces compared,", TimeElapsedColumn(), "{task.description}"
+    with Progress(*columns, console=Console(stderr=True)) as progress:
+        task = progress.add_task("", total=None)
+        for compiled, plain in zip_longest(*map(_lines, forms)):  # in turn, so that neither form runs far ahead
+            if not pieces and compiled != "compiled True":
+                print("there are no compiled modules of these sources: ./irsbot setup makes them", file=sys.stderr)
+                for process in forms:
+                    process.kill()
+                return 2
+            if pieces and compiled != plain:
+                different += 1
+                print(f"different: {compiled} against {plain}")
+            progress.update(task, completed=pieces, description=plain or compiled or "")
+            pieces += 1
+    failed = [process.wait() for process in forms] != [0, 0]
+    compared = pieces - 1  # the first line of a form says whether it is compiled
+    print(f"{compared} pieces of work compared, {different} differ" + (", and one failed" if failed else ""))
+    return 1 if different or failed or compared < 1 else 0
+
+
+def _lines(process: subprocess.Popen[str]) -> Iterator[str]:
+    """What a form says, line by line."""
+    assert process.stdout is not None
+    return (line.rstrip("\n") for line in process.stdout)
 
 
 def main() -> int:
