@@ -293,6 +293,18 @@ def test_a_line_moves_no_faster_than_its_joints_can_and_reports_how_fast() -> No
     assert [level for _ns, level in line.changes] == [Level.OK]
 
 
+def test_a_ramp_is_judged_on_the_branch_of_its_first_sample() -> None:
+    """The labels 1 and 2 of this machine change places between the start of the ramp and its first sample."""
+    settings, robot = read_settings("rails2")
+    start, rates = np.array([0.79030511, 0.21791414, 0.35185108]), np.array([0.43223083, -0.38703907, 0.31327091])
+    ramp = approach.Ramp(start, rates, latency_s=0.00057, age_s=0.003, phase_s=0.00077, burst=1)
+    at_start = robot.mechanism.posture(tuple(start.tolist()), settings.assembly_mode)
+    first = robot.mechanism.posture(ramp.read(0, settings), settings.assembly_mode)
+    assert abs(first.type2 - at_start.type2) > 0.5
+    seen_s = approach.stop_time(ramp, replace(settings, latency_s=ramp.latency_s), robot)
+    assert (approach.spare_of(ramp, seen_s, settings, robot) > 0.0).all()
+
+
 def test_a_stream_begins_where_the_configured_assembly_mode_names_the_branch_of_the_work() -> None:
     work = prepared("rails2")  # two branches with the same label
     way = np.array([position for position, _velocity in work.points])

@@ -60,6 +60,15 @@ class Ramp(NamedTuple):
     phase_s: float  # of the first sample
     burst: int  # samples that arrive together
 
+    def stamp_s(self, k: int) -> float:
+        """s at which sample k is read."""
+        return self.phase_s + k * PERIOD_S
+
+    def read(self, k: int, settings: Settings) -> tuple[float, ...]:
+        """(n,) joint positions of sample k, in whole steps of the encoders."""
+        step = settings.encoder_resolution
+        return tuple((np.round((self.start + self.rates * self.stamp_s(k)) / step) * step).tolist())
+
     def arrival_s(self, k: int) -> float:
         """s at which sample k arrives."""
         first = k // self.burst * self.burst
@@ -135,16 +144,14 @@ def _is_fair(ramp: Ramp, settings: Settings, robot: Robot) -> bool:
 
 
 def stop_time(ramp: Ramp, settings: Settings, robot: Robot) -> float | None:
-    """Time at which a sample leads to STOP, s; None if none does. Encoder readings are whole steps."""
+    """Time at which a sample leads to STOP, s; None if none does."""
     supervisor = Supervisor(settings, robot)
-    names, rates, step = settings.joint_names, tuple(ramp.rates.tolist()), settings.encoder_resolution
+    names, rates = settings.joint_names, tuple(ramp.rates.tolist())
     for k in range(round(SEARCH_S / PERIOD_S)):
-        stamp_s = ramp.phase_s + k * PERIOD_S
-        position = np.round((ramp.start + ramp.rates * stamp_s) / step) * step
-        stamp_ns, seen_ns = round(stamp_s * NS_PER_S), round(ramp.arrival_s(k) * NS_PER_S)
+        stamp_ns, seen_ns = round(ramp.stamp_s(k) * NS_PER_S), round(ramp.arrival_s(k) * NS_PER_S)
         times = BEGIN_NS + stamp_ns, BEGIN_NS + seen_ns, NS_PER_S + seen_ns
         # A run begins in motion, when the verdict is still UNKNOWN for a while: the level of the sample itself counts.
-        state = supervisor.step(JointSample(*times, names, tuple(position.tolist()), rates)).state
+        state = supervisor.step(JointSample(*times, names, ramp.read(k, settings), rates)).state
         if state is not None and state.level >= Level.STOP:
             return ramp.arrival_s(k)
     return None
@@ -155,5 +162,7 @@ def spare_of(ramp: Ramp, seen_s: float | None, settings: Settings, robot: Robot)
     brakes = np.array(settings.deceleration_limit)
     brake_s = SEARCH_S if seen_s is None else seen_s + ramp.latency_s
     times = np.linspace(0.0, brake_s + (np.abs(ramp.rates) / brakes).max(), FINE_STEPS)
-    found = margins_along(robot, settings, ramp.at(times, brake_s, brakes))
+    # The first sample determines the branch: where labels are not invariant it may be another one than at the start.
+    begin = robot.mechanism.posture(ramp.read(0, settings), settings.assembly_mode)
+    found = margins_along(robot, settings, ramp.at(times, brake_s, brakes), begin)
     return np.asarray(found.min(axis=0) - limits(settings, "stop"))
