@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 from math import inf, nan
+from pathlib import Path
 
 import pytest
 import yaml
@@ -214,6 +215,18 @@ def test_shipped_settings_are_valid_and_their_numbers_are_floats(robot):
             assert all(isinstance(number, float) for number in each), name
     settings, _machine = read_settings(robot)
     assert min(settings.deceleration_limit) > 0.0
+
+
+@pytest.mark.parametrize(
+    ("name", "of"), [("rrr3_base", "rails3"), ("ours", "rails3"), ("irsbot2_csc", "irsbot2_csc"), ("rails3", "rails3")]
+)
+def test_a_file_with_the_name_of_a_preset_of_another_topology_gets_the_limits_of_its_own(tmp_path, name, of):
+    preset = Path(irs.__file__).parent / "presets" / f"{of}.yaml"
+    file = tmp_path / f"{name}.yaml"
+    file.write_text(preset.read_text(encoding="utf-8"), encoding="utf-8")
+    settings, _machine = read_settings(file)
+    expected, _preset = read_settings(of)
+    assert replace(settings, robot="") == replace(expected, robot="")
 
 
 def test_changes_replace_shipped_numbers_and_the_rest_stays():

@@ -10,6 +10,7 @@ from typing import Any
 import yaml
 
 from irsbot_kinematics import Robot, load_robot
+from irsbot_kinematics.description.robot_file import preset_names, read_robot
 from irsbot_supervisor.configuration.compliance import with_bending
 from irsbot_supervisor.configuration.feasibility import settings_from
 from irsbot_supervisor.core.settings import InvalidSettings, Settings
@@ -24,10 +25,12 @@ def robot_of(name: str | Path) -> Robot:
 
 
 def shipped_values(robot: Robot) -> dict[str, Any]:
-    """The settings shipped for a robot: those of its own file over the shipped ones, or those of its topology's
-    default."""
+    """The settings shipped for a robot, below those of its own file. They are those of the preset that has its name and
+    its topology, or those of its topology: a file that only has the name of a preset is another machine."""
     folder = resources.files("irsbot_supervisor").joinpath("settings")
-    for name in (robot.name, robot.mechanism.kind):
+    kind = robot.mechanism.kind
+    is_preset = robot.name in preset_names() and read_robot(robot.name).mechanism.kind == kind
+    for name in (robot.name, kind) if is_preset else (kind,):
         file = folder.joinpath(f"{name}.yaml")
         if file.is_file():
             return {**_mapping(file.read_text(encoding="utf-8"), f"{name}.yaml"), **robot.supervision}
