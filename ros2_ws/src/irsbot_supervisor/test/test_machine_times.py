@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from irsbot_supervisor.configuration.loading import read_settings
-from irsbot_supervisor.configuration.machine_times import Times, longest, proposals
+from irsbot_supervisor.configuration.machine_times import MOST_HEARTBEAT_S, Times, longest, proposals
 
 SETTINGS, _ROBOT = read_settings("irsbot2")
 PERIOD_S = 0.001
@@ -33,4 +33,13 @@ def test_for_a_slow_computer_longer_times_are_proposed() -> None:
 def test_without_verdicts_no_time_is_kept() -> None:
     found = proposals(SETTINGS, longest([], [], [], []), PERIOD_S)
     assert not any(one.kept for one in found)
-    assert found[1].value == 0.02  # the largest heartbeat there is
+    assert found[1].value == MOST_HEARTBEAT_S
+
+
+def test_the_largest_heartbeat_is_not_kept_by_a_computer_that_says_nothing_for_longer() -> None:
+    settings, _robot = read_settings("irsbot2", heartbeat_s=MOST_HEARTBEAT_S)
+    kept = [
+        proposals(settings, Times(0.002, gap_s, 0.004, 0.0005), PERIOD_S)[1].kept
+        for gap_s in (2.0 * MOST_HEARTBEAT_S, 2.1 * MOST_HEARTBEAT_S, 0.3)
+    ]
+    assert kept == [True, False, False]

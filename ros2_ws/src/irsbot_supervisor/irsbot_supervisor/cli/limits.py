@@ -117,7 +117,7 @@ def _measured(robot: str, seconds: float, output: Path | None, as_json: bool) ->
         err.print(f"the suite runs for {seconds:g} s; load this computer as it will be at work")
     found = proposals(settings, measure(robot, seconds), 1.0 / Simulation().rate_hz)
     if as_json:
-        print_json([{**one._asdict(), "kept": one.kept} for one in found])
+        print_json([one._asdict() for one in found])
     else:
         table = Table("setting", "in force [s]", "longest met [s]", "proposed [s]", "why")
         for one in found:

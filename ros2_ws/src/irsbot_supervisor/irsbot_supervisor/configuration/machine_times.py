@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from math import inf
 from typing import NamedTuple
 
 from irsbot_supervisor.core.estimation.sample_interval import judging_time
@@ -37,11 +38,7 @@ class Proposed(NamedTuple):
     met: float
     value: float
     why: str
-
-    @property
-    def kept(self) -> bool:
-        """True if this computer keeps the value in force."""
-        return self.value <= self.now
+    kept: bool  # True if this computer keeps the value in force
 
 
 def longest(
@@ -51,9 +48,9 @@ def longest(
     judged_s: how long it took to judge each sample."""
 
     def gap(times: Sequence[float]) -> float:
-        return max((b - a for a, b in itertools.pairwise(times)), default=float("inf"))
+        return max((b - a for a, b in itertools.pairwise(times)), default=inf)
 
-    slowest = (max(times, default=float("inf")) for times in (delays_s, judged_s))
+    slowest = (max(times, default=inf) for times in (delays_s, judged_s))
     return Times(gap(seen_s), gap(heard_s), *slowest)
 
 
@@ -63,18 +60,23 @@ def proposals(settings: Settings, met: Times, period_s: float) -> list[Proposed]
     allowed_s = judging_time(settings.judging_s, max(period_s, settings.sample_gap_s))
     judging = settings.judging_s if met.judging_s <= allowed_s else _up(LATE * met.judging_s)
     stale = max(settings.stale_s, _up(STALE * met.sample_gap_s))
-    heartbeat = min(max(settings.heartbeat_s, _up(met.verdict_gap_s / STALE)), MOST_HEARTBEAT_S)
+    heartbeat = max(settings.heartbeat_s, _up(met.verdict_gap_s / STALE))
     latency = max(settings.latency_s, _up(LATE * met.delay_s))
+    beating = "half the longest gap between verdicts"
+    if heartbeat > MOST_HEARTBEAT_S:
+        beating = f"the largest that is allowed; {beating} needs {heartbeat:g} s"
     return [
-        Proposed("stale_s", settings.stale_s, met.sample_gap_s, stale, "twice the longest gap between samples"),
-        Proposed(
-            "heartbeat_s", settings.heartbeat_s, met.verdict_gap_s, heartbeat, "half the longest gap between verdicts"
-        ),
-        Proposed("latency_s", settings.latency_s, met.delay_s, latency, "1.5 times the longest way to a verdict"),
-        Proposed("judging_s", settings.judging_s, met.judging_s, judging, "1.5 times the longest judging of a sample"),
+        _proposed("stale_s", settings.stale_s, met.sample_gap_s, stale, "twice the longest gap between samples"),
+        _proposed("heartbeat_s", settings.heartbeat_s, met.verdict_gap_s, heartbeat, beating, MOST_HEARTBEAT_S),
+        _proposed("latency_s", settings.latency_s, met.delay_s, latency, "1.5 times the longest way to a verdict"),
+        _proposed("judging_s", settings.judging_s, met.judging_s, judging, "1.5 times the longest judging of a sample"),
     ]
+
+
+def _proposed(name: str, now: float, met: float, needed: float, why: str, most: float = inf) -> Proposed:
+    return Proposed(name, now, met, min(needed, most), why, needed <= now)
 
 
 def _up(seconds: float) -> float:
     """Rounded up to a whole ms."""
-    return -(-seconds * 1e3 // 1.0) / 1e3 if seconds < float("inf") else seconds
+    return -(-seconds * 1e3 // 1.0) / 1e3 if seconds < inf else seconds
