@@ -20,6 +20,7 @@ from estimates import (
 from supervised import settings_of
 
 from irsbot_supervisor.core.estimation.estimator import Estimator
+from irsbot_supervisor.core.settings import UNTRUSTED
 
 # --- velocities that are reported --------------------------------------------------------------------------------
 
@@ -79,6 +80,13 @@ def test_reported_velocities_never_hide_a_start_from_rest(lie, tolerance):
         elif abs(lie(v) - v) <= tolerance:
             assert holds(answer, v, 0.0)
     assert bool(answer.degraded) == (lie is not LIES["right"])
+
+
+def test_a_tolerance_of_one_joint_says_nothing_about_the_others():
+    apart = estimator(velocity_tolerance=[0.1, UNTRUSTED])
+    lies = good(watch(apart, moving((5.0, 1.0), (5.0, SPEED / 2)))[-1])
+    assert lies.degraded
+    assert lies.velocity == pytest.approx((5.0, 1.0))
 
 
 def test_a_tolerance_narrows_the_bounds_and_without_one_nothing_does():

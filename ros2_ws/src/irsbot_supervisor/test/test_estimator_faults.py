@@ -46,6 +46,7 @@ def test_one_sample_that_was_stamped_late_makes_no_jump_of_those_that_follow(rat
             answer = good(filter_.update(accepted(stamp_ms, (1e-3 * rate * k, 1.0), stated, seen_ms=max(k, newest_ms))))
             assert not answer.branch_lost
             assert stamp_ms == 30 + late_ms or holds(answer, rate, 0.0)
+            assert not answer.velocity[0] > answer.speeds.forward[0] + 1e-9  # unknown at the first sample
     assert answer.velocity == pytest.approx((rate, 0.0))
 
 

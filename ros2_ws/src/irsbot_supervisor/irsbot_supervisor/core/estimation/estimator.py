@@ -140,6 +140,7 @@ class Estimator:
                 unseen = self._silences.region(since, passed_s(sample, since), way, held, Known.SPEEDS)
             expected = self._expected(sample, passed, passed)
             self._observer.without_last(before.speeds)
+            self._reported.without_last()
             speeds = self._observer.update(sample.stamp_ns, sample.position)
             if speeds is None:
                 unseen = self._silences.region(since, passed_s(sample, since), way, held, Known.NOTHING)

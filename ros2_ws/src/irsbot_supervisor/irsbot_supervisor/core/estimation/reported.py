@@ -40,10 +40,11 @@ class Reported:
         """Take in new limits."""
         self._names, self._gains = settings.joint_names, settings.acceleration_limit
         self._trust = min(settings.velocity_tolerance) < UNTRUSTED
-        slow = settings.standstill_speed
-        self._tolerances = settings.velocity_tolerance if self._trust else (slow,) * len(self._names)
+        stated = settings.velocity_tolerance
+        # A joint without a stated tolerance is compared with its positions, too.
+        self._tolerances = tuple([error if error < UNTRUSTED else settings.standstill_speed for error in stated])
         # A velocity is true when it is read: at the stamp, up to tau away, it may be a tau more.
-        at_stamp = zip(self._tolerances, self._gains, strict=True)
+        at_stamp = zip(stated, self._gains, strict=True)
         self._trusted = tuple([tolerance + gain * settings.stamp_jitter_s for tolerance, gain in at_stamp])
         errors = stamped_errors(settings)
         self._errors = tuple([2.0 * error for error in errors])
@@ -68,6 +69,11 @@ class Reported:
         """Forget all earlier samples."""
         self._kept.clear()
 
+    def without_last(self) -> None:
+        """Remove the last sample, which was wrong."""
+        if self._kept:
+            self._kept.pop()
+
     def look(self, sample: Accepted, speeds: Speeds) -> Velocities:
         """Accepted rates of a sample whose speeds are bounded, and the fault of the reported ones."""
         kept, stated = self._kept, sample.velocity
@@ -83,6 +89,7 @@ class Reported:
             mean = nan
             if span > 0.0:
                 mean = remainder(sample.position[j] - then.position[j], self._turns[j]) / span
+                mean = min(max(mean, -backward), forward)  # `then` may have been stamped late
             if not stated:
                 rates.append(mean)
                 continue
