@@ -7,11 +7,12 @@ from typing import NamedTuple
 
 from irsbot_msgs.srv import CheckTrajectory
 
-from irsbot_kinematics import Robot
+from irsbot_kinematics import Posture, Robot
 from irsbot_msgs_py.records import Floats
 from irsbot_msgs_py.stamps import NS_PER_S, nanoseconds
 from irsbot_supervisor.core.margins import MARGIN_CAUSES
 from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.core.view import View
 from irsbot_supervisor.processes.worker import Task
 from irsbot_supervisor.trajectory.certificate import Certificate
 from irsbot_supervisor.trajectory.joint_path import BadTrajectory
@@ -29,21 +30,35 @@ class Motion(NamedTuple):
     is_of_platform: bool
 
 
-def asked(robot: Robot, settings: Settings, request: CheckTrajectory.Request, prediction_delay_s: float) -> Task:
+def asked(robot: Robot, settings: Settings, request: CheckTrajectory.Request, view: View | None) -> Task:
     """The task that computes a certificate, or a text, for a request. Raises BadTrajectory.
 
-    prediction_delay_s: time that the robot moves without supervision.
+    view: of the supervised robot; None if its state is not known.
     """
-    return Task(certificate, (robot, settings, _motion(robot, settings, request), prediction_delay_s))
+    motion, begin = _motion(robot, settings, request), None
+    if not (robot.mechanism.label_is_invariant or motion.assembly_mode or motion.is_of_platform):
+        if view is None:  # a label would name another branch wherever the labels have changed
+            raise BadTrajectory("the branch that the robot is on is not known: state assembly_mode")
+        begin = view.at
+    prediction_delay_s = view.prediction_delay_s if view is not None else 0.0
+    return Task(certificate, (robot, settings, motion, prediction_delay_s, begin))
 
 
-def certificate(robot: Robot, settings: Settings, motion: Motion, prediction_delay_s: float) -> Certificate | str:
-    """The certificate of a motion, or the reason why there is none."""
+def certificate(
+    robot: Robot, settings: Settings, motion: Motion, prediction_delay_s: float, begin: Posture | None = None
+) -> Certificate | str:
+    """The certificate of a motion, or the reason why there is none.
+
+    prediction_delay_s: time that the robot moves without supervision. begin: a posture on the branch of the motion, if
+    it is known better than by the label.
+    """
     times, positions, velocities, mode, is_of_platform = motion
     try:
         if is_of_platform:
             return certify_poses(robot, settings, times, positions, mode)
-        return certify(robot, settings, times, positions, velocities, mode, prediction_delay_s=prediction_delay_s)
+        return certify(
+            robot, settings, times, positions, velocities, mode, begin=begin, prediction_delay_s=prediction_delay_s
+        )
     except BadTrajectory as error:
         return str(error)
 
@@ -87,7 +102,9 @@ def _motion(robot: Robot, settings: Settings, request: CheckTrajectory.Request) 
         raise BadTrajectory(f"every point needs {len(names)} positions, and {len(names)} velocities or none")
     times = [nanoseconds(p.time_from_start.sec, p.time_from_start.nanosec) / NS_PER_S for p in points]
     of_platform = wanted == task
-    cubic = bool(points) and all(len(point.velocities) for point in points) and not of_platform
+    cubic = any(len(point.velocities) for point in points) and not of_platform
+    if cubic and not all(len(point.velocities) for point in points):
+        raise BadTrajectory("all points need velocities, or none")
     positions = [tuple([point.positions[i] for i in order]) for point in points]
     velocities = [tuple([point.velocities[i] for i in order]) for point in points] if cubic else []
     return Motion(times, positions, velocities, request.assembly_mode, of_platform)

@@ -20,7 +20,8 @@ from irsbot_supervisor.nodes.clocks import both_clocks
 from irsbot_supervisor.nodes.endpoints import subscription
 
 SHARE = 0.5
-"""1: share of the time that goes to judging. The rest is for the heartbeat, the gate and services."""
+"""1: share of the time that goes to judging, besides one held sample with every heartbeat. The rest is for the
+heartbeat, the gate and services."""
 
 BURST_S = 0.05
 """s of judging that may come at once: a process that was interrupted while it judged has not judged too much."""

@@ -88,9 +88,7 @@ class Services:
         if not supervisor.standing:
             return refused(response, "the robot is moving, or its state is not known: ask while it stands")
         try:
-            view = supervisor.view
-            prediction_delay_s = view.prediction_delay_s if view is not None else 0.0
-            task = asked(supervisor.robot, supervisor.settings, request, prediction_delay_s)
+            task = asked(supervisor.robot, supervisor.settings, request, supervisor.view)
             return answered((yield task), response)
         except BadTrajectory as error:
             return refused(response, str(error))
