@@ -46,6 +46,12 @@ def test_inside_is_ok_and_outside_is_a_latched_stop_that_ends_by_a_reset_inside(
     assert supervisor.step(reset(1600, verdict.event)).refusal == ""
 
 
+def test_a_robot_that_is_switched_on_at_rest_is_not_stopped_for_speeds_that_are_not_known_yet():
+    room = 0.09  # rad: more than the box of a resting robot, less than the box while its speed is hardly known
+    supervisor, _q = ready(pose=MIDDLE, position_upper=[Q[0] + room, Q[1] + ROOM])
+    assert supervisor.step(tick(1)).verdict.level == Level.OK
+
+
 @pytest.mark.parametrize(("ranges", "known"), [({}, True), (RANGES, False)], ids=["no range", "a range"])
 def test_a_reading_that_jumps_by_a_turn_is_wrong_where_the_joint_has_a_range(ranges, known):
     """Without a range an angle may be read modulo a turn; with one, the range would count from the wrong turn."""

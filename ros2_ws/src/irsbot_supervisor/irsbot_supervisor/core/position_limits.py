@@ -29,14 +29,14 @@ class PositionLimits:
         self._box, self._latency_s = ReachableBox(settings), settings.latency_s
         self._settling = SETTLING * settings.stale_s
 
-    def judge(self, estimate: Estimate, first: bool = False) -> list[Finding]:
-        """Findings for joints that are out of their range, or cannot be stopped within it. first: for a first sample,
-        and after a silence, only the positions count: the speeds are unknown, and the level is UNKNOWN for that
-        reason."""
+    def judge(self, estimate: Estimate, waits: bool = False) -> list[Finding]:
+        """Findings for joints that are out of their range, or cannot be stopped within it. waits: for a robot at rest
+        while the sample interval is learned, and for any robot after a silence, only the positions count: the speeds
+        are hardly known, and the level is UNKNOWN for that reason."""
         if not self.given:
             return []
         findings = []
-        for joint, (q, up, down) in enumerate(self._reached(estimate, first)):
+        for joint, (q, up, down) in enumerate(self._reached(estimate, waits)):
             low, high = self.lower[joint], self.upper[joint]
             if low <= q - down and q + up <= high:
                 continue
@@ -54,11 +54,11 @@ class PositionLimits:
         reached = zip(self._reached(estimate), self.lower, self.upper, strict=True)
         return tuple([float(not low <= q - down) - float(not q + up <= high) for (q, up, down), low, high in reached])
 
-    def _reached(self, estimate: Estimate, first: bool = False) -> Iterator[tuple[float, float, float]]:
+    def _reached(self, estimate: Estimate, waits: bool = False) -> Iterator[tuple[float, float, float]]:
         """Position of each joint, and its largest displacement forward and backward until it stands, rad or m."""
         errors = self._box.errors
         forward, backward = errors, errors
-        if not first and estimate.steady_s >= self._settling:
+        if not waits and estimate.steady_s >= self._settling:
             forward, backward = self._until_rest(estimate.speeds, estimate.prediction_delay_s)
         return zip(estimate.position, forward, backward, strict=True)
 

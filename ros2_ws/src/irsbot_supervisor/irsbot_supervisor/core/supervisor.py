@@ -337,7 +337,7 @@ class Supervisor:
         late = better is not None
         if late:
             found.append(self._policy.rare(estimate, certified))
-        found = self._found = [*found, *self._position.judge(estimate, first), *self._stops.look(estimate)]
+        found = self._found = [*found, *self._position.judge(estimate, waits), *self._stops.look(estimate)]
         moved_freely = self._latch.now.level < STOP
         self._latch.update(found, sample.seen_ns)
         if moved_freely and self._latch.now.level >= STOP:
@@ -445,7 +445,10 @@ class Supervisor:
         if unknown := [f for f in self._found if f.level == Level.UNKNOWN and not f.cause & Cause.BRANCH]:
             return f"the state of the robot is not known: {unknown[0].text}"
         if refusal := self._latch.refused(reset.event, self.standing):
-            return refusal  # at once: frequent refused requests must not take the time that samples need
+            return refusal
+        if not self._assessor.lost and any(finding.level == STOP for finding in self._found):
+            # At once: frequent refused requests must not take the time that samples need.
+            return self._latch.reset(reset.event, reset.seen_ns, self.standing, self._found)
         seen: Posture | None = None
         if reset.seed_pose:
             label = self.settings.assembly_mode
