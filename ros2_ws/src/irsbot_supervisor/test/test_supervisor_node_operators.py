@@ -12,13 +12,14 @@ import yaml
 
 pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
+import rclpy
 from cell import GOOD, HIGH, NEAR, STRICT, Cell, Wire, check, check_at_rest, going, resting, statuses_of, swinging
 from diagnostic_msgs.msg import DiagnosticArray
 from irsbot_msgs.srv import BypassStop
 from lifecycle_msgs.msg import Transition
 from rcl_interfaces.msg import Parameter as ParameterMessage
 from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
-from rclpy.parameter import get_parameter_value, parameter_dict_from_yaml_file, parameter_value_to_python
+from rclpy.parameter import Parameter, get_parameter_value, parameter_dict_from_yaml_file, parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -27,6 +28,7 @@ import irsbot_kinematics as irs
 from irsbot_msgs_py.records import Bypass, Cause, Level
 from irsbot_supervisor.bag.journal import read_entry
 from irsbot_supervisor.configuration.loading import read_settings
+from irsbot_supervisor.nodes.parameters import declare_settings
 
 pytestmark = pytest.mark.ros
 
@@ -102,6 +104,17 @@ def test_a_typed_value_that_means_nothing_is_refused(cell: Cell, name: str, text
     (result,) = cell.call(SetParameters, "supervisor/set_parameters", request).results
     assert not result.successful
     assert result.reason
+
+
+@pytest.mark.parametrize("stated", [{}, {"acceleration_limit": [50.0, 60.0]}], ids=["left out", "stated"])
+def test_an_acceleration_that_is_left_out_follows_the_brakes_that_are_stated(wire: Wire, stated: dict[str, Any]):
+    given = {"deceleration_limit": [300.0, 200.0]} | stated
+    overrides = [Parameter(name, value=value) for name, value in given.items()]
+    node = rclpy.create_node("declaring", context=wire.context, parameter_overrides=overrides)
+    settings, _robot = declare_settings(node)
+    assert list(node.get_parameter("acceleration_limit").value) == stated.get("acceleration_limit", [300.0, 200.0])
+    node.destroy_node()
+    assert settings == read_settings("irsbot2", given)[0]
 
 
 def test_counted_bending_is_computed_at_the_start_and_cannot_grow_unstated(wire: Wire):

@@ -78,7 +78,11 @@ class Settings:
     dwell_s: float = _number(0.05, "s", "a level falls only after it has been lower for this long", 0.0, 10.0)
     velocity_limit: tuple[float, ...] = _each_joint("rad/s or m/s", "largest speed of each joint", 1e-6, 1e4)
     acceleration_limit: tuple[float, ...] = _each_joint(
-        "rad/s2 or m/s2", "largest acceleration of each joint; empty: as deceleration_limit", 1e-6, 1e6, optional=True
+        "rad/s2 or m/s2",
+        "largest acceleration of each joint; empty: as deceleration_limit, as it is at the start of a node",
+        1e-6,
+        1e6,
+        optional=True,
     )
     deceleration_limit: tuple[float, ...] = _each_joint(
         "rad/s2 or m/s2", "least deceleration of each joint when braking", 1e-6, 1e6

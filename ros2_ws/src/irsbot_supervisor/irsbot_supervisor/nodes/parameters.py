@@ -40,14 +40,16 @@ def declare_settings(node: Node) -> tuple[Settings, Robot]:
     entries = {entry.name: entry for entry in fields(Settings)}
     robot_name = node.declare_parameter("robot", "irsbot2", _descriptor(entries["robot"].metadata)).value
     robot = robot_of(robot_name)
-    defaults = asdict(completed({**shipped_values(robot), "robot": robot_name}, robot))
-    changes = {}
-    for name, entry in entries.items():
-        if name != "robot":
-            default = defaults[name]
-            declared = list(default) if isinstance(default, tuple) else default
-            changes[name] = node.declare_parameter(name, declared, _descriptor(entry.metadata)).value
-    settings, robot = read_settings(robot_name, {name: _plain(value) for name, value in changes.items()})
+    shipped = {**shipped_values(robot), "robot": robot_name}
+    changes: dict[str, Any] = {}
+    for left_out in (False, True):  # a setting that may be left out follows another one, as acceleration_limit does
+        defaults = asdict(completed({**shipped, **changes}, robot))
+        for name, entry in entries.items():
+            if name != "robot" and bool(entry.metadata.get("optional")) == left_out:
+                default = defaults[name]
+                declared = list(default) if isinstance(default, tuple) else default
+                changes[name] = _plain(node.declare_parameter(name, declared, _descriptor(entry.metadata)).value)
+    settings, robot = read_settings(robot_name, changes)
     found = ("compliance_slack_m", "reaction_check")  # from the tubes, and the word for what may have been a boolean
     node.set_parameters([Parameter(name, value=getattr(settings, name)) for name in found])
     return settings, robot
