@@ -3,7 +3,7 @@
 A verdict is valid as long as it is fresh. At the beginning, after a silence, and after a verdict out of sequence,
 verdicts have to come in sequence for 0.1 s, or the time-out if it is longer, before motion is allowed: the first may be
 the latched last verdict of a supervisor that is frozen or has ended, and the verdicts of two supervisors on one topic
-are not in sequence for so long. A STOP or UNKNOWN ends motion until the second verdict after it.
+are not in sequence for so long. A STOP or UNKNOWN that ends motion forbids it for that verdict and the next one.
 """
 
 from __future__ import annotations

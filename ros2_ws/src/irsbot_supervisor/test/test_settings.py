@@ -6,6 +6,7 @@ from dataclasses import asdict, fields, replace
 from math import inf, nan
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from supervised import settings_of
@@ -227,6 +228,29 @@ def test_a_file_with_the_name_of_a_preset_of_another_topology_gets_the_limits_of
     settings, _machine = read_settings(file)
     expected, _preset = read_settings(of)
     assert replace(settings, robot="") == replace(expected, robot="")
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("assembly_mode", np.int64(-1)),
+        ("working_mode", np.array([1, -1])),
+        ("latency_s", np.float64(0.004)),
+        ("velocity_limit", np.array([11.0, 12.0])),
+        ("velocity_limit", [np.float32(11.0), np.int64(12)]),
+        ("joint_names", np.array(["a", "b"])),
+        ("compliance", np.str_("none")),
+    ],
+)
+def test_values_of_numpy_are_those_of_python(name, value):
+    plain = [one.item() for one in value] if isinstance(value, list) else value.tolist()
+    assert read_settings("irsbot2", {name: value})[0] == read_settings("irsbot2", {name: plain})[0]
+
+
+@pytest.mark.parametrize("value", [np.array([0.05]), np.array([[0.05]]), np.array([]), np.array("x"), np.bool_(True)])
+def test_values_of_numpy_that_are_wrong_are_refused(value):
+    with pytest.raises(InvalidSettings):
+        read_settings("irsbot2", stale_s=value)
 
 
 def test_changes_replace_shipped_numbers_and_the_rest_stays():

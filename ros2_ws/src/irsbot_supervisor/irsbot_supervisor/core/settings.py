@@ -199,6 +199,7 @@ def _is_open(value: Any) -> bool:
 def _read(value: Any, metadata: Mapping[str, Any], n: int) -> Any:
     """A value in the form of the settings: tuples, floats, one per joint. Invalid values are returned unchanged for the
     check."""
+    value = _without_numpy(value)
     if metadata.get("words") and (value is False or value == "off"):
         return "none"  # as recorded bags and files of users say it; YAML reads the bare word `off` as a boolean
     if metadata.get("on") and (value is True or value == "on"):
@@ -209,6 +210,12 @@ def _read(value: Any, metadata: Mapping[str, Any], n: int) -> Any:
     if metadata.get("each_joint"):
         return each * n if len(each) == 1 else each
     return each if isinstance(value, (list, tuple)) else each[0]
+
+
+def _without_numpy(value: Any) -> Any:
+    """A number, a text or a list of them as Python has them."""
+    plain = value.tolist() if hasattr(value, "tolist") else value
+    return [_without_numpy(one) for one in plain] if isinstance(plain, (list, tuple)) else plain
 
 
 def _single_faults(settings: Settings, n: int) -> list[str]:
