@@ -63,7 +63,7 @@ def _slack_m(settings: Settings, robot: Robot) -> float:
 
 
 def require_bending_said(now: Settings, wanted: Settings, stated: Collection[str]) -> None:
-    """Raise InvalidSettings if a change of settings increases bending without stating its slack. said: names of the
+    """Raise InvalidSettings if a change of settings increases bending without stating its slack. stated: names of the
     settings that were given."""
     if wanted.compliance != "counted" or "compliance_slack_m" in stated:
         return

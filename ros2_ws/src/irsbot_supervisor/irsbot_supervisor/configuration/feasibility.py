@@ -81,8 +81,8 @@ def _stated(settings: Settings, mechanism: Mechanism, joint: int, found: Stoppab
     )
     if found.share == 0.0:
         errors = (position_error(settings),) * len(mechanism.joints)
-        single_joint_patterns = BoxBounds(mechanism, settings.slack_m).around(found.at, errors)
-        if not single_joint_patterns[found.kind] >= stop:
+        bounds = BoxBounds(mechanism, settings.slack_m).around(found.at, errors)
+        if not bounds[found.kind] >= stop:
             stated = f"encoder_resolution {settings.encoder_resolution!r}, encoder_offset {settings.encoder_offset!r}"
             stated += f" and geometry_tolerance_m {settings.geometry_tolerance_m!r}"
             if settings.slack_m > settings.geometry_tolerance_m:

@@ -211,7 +211,7 @@ def _standstill(plant: Plant) -> Proposal:
 
 def _hysteresis(base: Settings, plant: Plant, proposals: list[Proposal], nears: list[NearLimit]) -> Proposal:
     """Noise of the margin at the end of the braking path, as a share of its warning limit: one encoder step in the
-    position, and in the speed one step per period, whose share in the stop distance is latency_s + v/a."""
+    position, and in the speed one step per period, whose share in the stop distance is latency_s + v/d."""
     warns = {one.name: one.value for one in proposals}
     step, worst = base.encoder_resolution, 0.0
     for kind, near in zip(MARGIN_NAMES, nears, strict=True):

@@ -52,7 +52,7 @@ class Postures(NamedTuple):
     """Postures in one pair of modes."""
 
     joints: Array  # (N, n) rad or m
-    margins: Array  # (N, 4) in the order of `assess.Margins`, infinite where there is none
+    margins: Array  # (N, 4) in the order of `core.margins.Margins`, infinite where there is none
 
 
 class StoppableSpeed(NamedTuple):
@@ -61,7 +61,7 @@ class StoppableSpeed(NamedTuple):
     at: Posture
     share: float  # of the velocity limits; 0 where the robot cannot be stopped in time even from rest
     travel: Floats  # rad or m each joint takes to stop from that motion
-    kind: int  # the margin that ends it, in the order of `assess.Margins`; -1: nothing ends it in the range looked at
+    kind: int  # the margin that ends it, as in `core.margins.Margins`; -1: nothing ends it in the range looked at
 
 
 class _Case(NamedTuple):
@@ -159,7 +159,7 @@ def find_stoppable_speed(
             found = ends(at, middle)
             low, high, kind = (middle, high, kind) if found < 0 else (low, middle, found)
     if best is None:
-        raise ValueError("room needs a posture to start from")
+        raise ValueError("no posture to start from")
     most_of_all = tuple([max(abs(p[k]) for p in patterns) for k in range(len(mechanism.joints))])
     seer, speeds = predictor(most_of_all, low)
     return StoppableSpeed(best, low, tuple(seer.travel(speeds, prediction_delay_s)[0]), kind)

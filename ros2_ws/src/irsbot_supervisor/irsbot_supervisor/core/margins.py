@@ -10,8 +10,8 @@ from irsbot_kinematics import Mechanism, Posture, Status
 from irsbot_msgs_py.records import Cause, Floats
 
 Margins = tuple[float, float, float, float]
-"""Type 1 (smallest over the legs), Type 2, constraint, limb (smallest): 0..1, infinite if the robot does not have
-it."""
+"""Type 1 (smallest over the legs), Type 2, constraint, limb (smallest): 0..1, the constraint margin also above;
+infinite if the robot does not have it."""
 
 
 class MarginKind(NamedTuple):
