@@ -194,3 +194,6 @@ def test_bad_paths_are_refused():
         irs.certify_loop([(1, 2, 3), (1, 2, 4)], algebra.predefined("3rpr"))
     with pytest.raises(irs.BadInput, match="lacks"):
         irs.certify_loop([(17, 15, 15), (17, 15, 16)], algebra.predefined("3rpr"), {"x": 1.0})
+    for start in (3, (1, 2), (1, 2, 3, 4), "xyz", (1, 2, float("nan")), {"x": "a", "y": 1, "alpha": 0}):
+        with pytest.raises(irs.BadInput):
+            irs.certify_loop([(17, 15, 15), (17, 15, 16)], algebra.predefined("3rpr"), start)

@@ -171,7 +171,11 @@ def _of_system(points: Array, system: System, start: Any) -> LoopResult:
     names = (*system.pose, *system.passive)
     if start is None:
         raise BadInput(f"give the start pose of {system.name}: {', '.join(names)}")
-    stated = dict(start) if isinstance(start, Mapping) else dict(zip(names, start, strict=False))
+    if isinstance(start, Mapping):
+        stated = {str(name): arguments.number(value, f"start of {name}") for name, value in start.items()}
+    else:
+        given = arguments.vector(start, len(names), f"start ({', '.join(names)})", FARTHEST)
+        stated = dict(zip(names, given, strict=True))
     found = Tracker(system).follow(points.tolist(), stated)
     first, last = ([pose[name] for name in system.pose] for pose in (found.poses[0], found.poses[-1]))
     closed = found.lost_at is None and _back(points, [name in system.angles for name in system.joints])
