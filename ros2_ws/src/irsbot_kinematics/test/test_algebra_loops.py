@@ -186,6 +186,13 @@ def test_robots_of_two_mirror_modes_are_not_cuspidal():
     assert irs.make_robot("rrr3_base", l1=0.5).cuspidal.answer == "unknown"
 
 
+@pytest.mark.parametrize("name", CUSPIDAL)
+def test_a_mechanism_derived_from_a_cuspidal_one_is_not_known_to_be_cuspidal(name):
+    mechanism = irs.make_robot(name).mechanism
+    mine = type("Mine", (type(mechanism),), {"kind": "mine"})
+    assert irs.Robot(mine(mechanism.geometry)).cuspidal.answer == "unknown"
+
+
 def test_bad_paths_are_refused():
     for path in ([], [(1, 2)], [(1, 2, 3)], [(1, 2, 3), (1, 2, float("nan"))], "x", [("a", "b", "c")] * 2):
         with pytest.raises(irs.BadInput):
