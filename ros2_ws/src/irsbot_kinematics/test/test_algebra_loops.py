@@ -159,7 +159,8 @@ def test_a_segment_that_leaves_the_workspace_between_its_ends_is_not_certified(n
     assert found.lost_at == 1
     lost_in_parts = irs.certify_loop(np.linspace(*path, 2000), robot)
     assert not lost_in_parts.certified
-    assert found.end == pytest.approx(lost_in_parts.end, abs=1e-2)  # the place that is named: a few m or rad per unit
+    # Before a singularity the pose goes with the root of what is left of the joints, a turn over 2^16: 0.01 rad.
+    assert found.end == pytest.approx(lost_in_parts.end, abs=0.03)
 
 
 def test_a_long_segment_goes_the_way_that_was_asked_for():

@@ -32,8 +32,9 @@ CLOSED = 1e-9
 MOST_SAMPLES = 10**7
 """1: largest number of points of a circle."""
 
-HALVINGS = 24
-"""How often a segment is halved before the branch counts as lost: 2^-24 of it is below the resolution of a drive."""
+HALVINGS = 16
+"""How often a segment is halved before the branch counts as lost. The number of pieces grows with the inverse square of
+the Type 2 margin; a path that needs shorter ones has to give more points."""
 
 SAME_POSE = 1e-6
 """rad, m or the unit of the pose: poses that differ by less are equal."""
@@ -95,6 +96,7 @@ def certify_loop(
 ) -> LoopResult:
     """Follow the branch of a start pose along joint positions (N, n), straight between them.
 
+    Each segment is halved until its pieces are proved; one that is not, after HALVINGS, is where the branch is lost.
     robot: a Robot, the name of a shipped one, or an algebra.System (then rails and lengths are in its units).
     start: pose near which the branch starts; the usual assembly mode of a robot if left out. Raises BadInput.
     """
