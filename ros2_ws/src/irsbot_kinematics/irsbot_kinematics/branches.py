@@ -1,5 +1,4 @@
-"""The branch of the direct kinematics that belongs to a seed pose: the solution nearest to it, if no other is nearly as
-near."""
+"""Solutions of the direct kinematics near a seed pose, and whether the seed distinguishes them."""
 
 from __future__ import annotations
 

@@ -15,8 +15,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from irsbot_kinematics import arguments
 from irsbot_kinematics.errors import BadInput
 from irsbot_kinematics.numerics.arithmetic import FLOATS, Arithmetic, Array, N
+from irsbot_kinematics.numerics.tolerances import LARGEST
 
 # --- margins of the two limbs, floats or arrays -----------------------------------------------------------------
 
@@ -45,13 +47,13 @@ def prpir_factors(k: Arithmetic[N], l: Sequence[N], x: Sequence[float], z: Seque
 
 
 def revolute(axis: ArrayLike, point_m: ArrayLike) -> Array:
-    """Unit twist (6,) of a rotation about an axis (of any length) through a point: (s; r x s)."""
+    """Unit twist (6,) of a rotation about an axis (of any length) through a point: (s; r x s). Raises BadInput."""
     s = _unit(axis)
-    return np.concatenate([s, np.cross(np.asarray(point_m, dtype=float), s)])
+    return np.concatenate([s, np.cross(arguments.matrix(point_m, (3,), "point_m"), s)])
 
 
 def prismatic(direction: ArrayLike) -> Array:
-    """Unit twist (6,) of a translation: (0; s)."""
+    """Unit twist (6,) of a translation: (0; s). Raises BadInput."""
     return np.concatenate([np.zeros(3), _unit(direction)])
 
 
@@ -59,15 +61,14 @@ def limb_margin(twists: ArrayLike, length_m: float, point_m: ArrayLike = (0.0, 0
     """Distance of a limb from losing a motion: smallest singular value of its unit twists, 0 when singular.
 
     twists: (n, 6) with n <= 6, moments at the origin, m; they are taken about `point_m`, a point of the limb, and
-    divided by the characteristic length. No added twist and no platform point enters. Source: ours.
+    divided by the characteristic length. No added twist and no platform point enters. Raises BadInput. Source: ours.
     """
-    T = np.array(twists, dtype=float)
-    if T.ndim != 2 or T.shape[1] != 6 or not 1 <= len(T) <= 6:
-        raise BadInput(f"twists must have shape (1..6, 6), got {T.shape}")
-    if not length_m > 0.0:
-        raise BadInput(f"characteristic length must be positive, got {length_m}")
+    T = arguments.table(twists, 6, "twists")
+    if not (1 <= len(T) <= 6 and (np.abs(T) <= LARGEST).all()):
+        raise BadInput(f"twists must be 1 to 6 rows of finite numbers, got {arguments.shown(twists)}")
+    length_m = arguments.positive(length_m, "length_m")
     turning = np.linalg.norm(T[:, :3], axis=1) > 0.0
-    T[:, 3:] += np.cross(T[:, :3], np.asarray(point_m, dtype=float))
+    T[:, 3:] += np.cross(T[:, :3], arguments.matrix(point_m, (3,), "point_m"))
     T[turning, 3:] /= length_m
     return float(np.linalg.svd(T, compute_uv=False)[-1])
 
@@ -222,7 +223,7 @@ def _sine(a: Array, b: Array) -> float:
 
 
 def _unit(vector: ArrayLike) -> Array:
-    v = np.asarray(vector, dtype=float)
+    v = arguments.array(vector, "a direction", "three finite numbers")
     size = float(np.linalg.norm(v))
     if v.shape != (3,) or not 0.0 < size < np.inf:
         raise BadInput(f"a direction needs three finite numbers, not all zero, got {v.tolist()}")

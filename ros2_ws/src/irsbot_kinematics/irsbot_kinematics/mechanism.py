@@ -38,11 +38,11 @@ class Status(IntEnum):
 
 
 class Coordinate(NamedTuple):
-    """One joint or task coordinate: its name, its unit (`rad` or `m`) and its open range.
+    """One joint or task coordinate: its name, its unit (`rad` or `m`) and its range, ends included.
 
     name: as in messages and tables.
     unit: 'rad' or 'm'.
-    lower: lower end of its open range.
+    lower: lower end of its range.
     upper: upper end.
     """
 

@@ -69,8 +69,9 @@ class Robot:
     @property
     def cuspidal(self) -> Cuspidal:
         """Whether the robot can change its assembly mode without a singularity (yes, no or unknown), and the reason."""
-        stated = self.mechanism.cuspidal
-        if stated.lengths and self.mechanism.geometry != read_robot(self.mechanism.kind).mechanism.geometry:
+        stated, kind = self.mechanism.cuspidal, self.mechanism.kind
+        shipped = kind in preset_names() and self.mechanism.geometry == read_robot(kind).mechanism.geometry
+        if stated.lengths and not shipped:
             return Cuspidal("unknown", "the shipped lengths are cuspidal; for others look for a loop about a cusp")
         return stated
 
@@ -143,15 +144,23 @@ class Robot:
 
         The distance is the largest difference of a coordinate, angles modulo a turn, positions over `length_m`.
         """
-        q, x, task = self._joints(joints), self._pose(pose), self.mechanism.task
-        found = [self.mechanism.posture(q, mode) for mode in self.mechanism.assembly_modes]
+        q = self._joints(joints)
+        at = self._nearest(q, self._pose(pose))
+        if at.status != Status.SOLVED:
+            raise NotAssembled(q, at.gaps[0], "in no assembly mode")
+        return at
+
+    def _nearest(self, joints: Floats, pose: Floats) -> Posture:
+        """The same for any numbers as joints: not SOLVED where no pose belongs to them."""
+        task = self.mechanism.task
+        found = [self.mechanism.posture(joints, mode) for mode in self.mechanism.assembly_modes]
         solved = [at for at in found if at.status == Status.SOLVED]
         if not solved:
-            raise NotAssembled(q, max(at.gaps[0] for at in found), "in no assembly mode")
+            return max(found, key=lambda at: at.gaps[0])
         lengths = [1.0 if c.is_angle else self.mechanism.length_m for c in task]
 
         def away(at: Posture) -> float:
-            each = zip(at.pose, x, task, lengths, strict=True)
+            each = zip(at.pose, pose, task, lengths, strict=True)
             return max(abs(remainder(a - b, c.turn)) / length for a, b, c, length in each)
 
         return min(solved, key=away)
@@ -216,7 +225,7 @@ class Robot:
             if assembly_mode is not None:
                 raise BadInput("give an assembly mode or the pose of the start, not both")
             pose = arguments.place(start, self.mechanism.task, "start")
-            first = self.posture_near(Q[0], pose) if len(Q) else None
+            first = self._nearest(tuple(Q[0].tolist()), pose) if len(Q) else None
             return batch.evaluate_motion(self.mechanism, Q, first, asked, out)
         if len(Q) > 1 and not self.mechanism.label_is_invariant:
             warnings.warn(

@@ -2,7 +2,8 @@
 
 Sign convention of all mechanisms: R_i is the force of leg i on the platform along its screw, w the external wrench,
 A^T R + w = 0; motor efforts tau = -B R, so that tau.qdot + w.t = 0. A screw row has 2 entries (force in a plane),
-3 (force in space, or force in a plane and moment; `arms` tells the two apart) or 4 (force in space, moment about z).
+3 (force in space, or force in a plane and moment; `attachments` tells the two apart) or 4 (force in space, moment about
+z).
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ def pressure_cosines(k: Arithmetic[N], rows: Rows[N], attachments: Sequence[tupl
 
     The pressure angle of leg i lies between its force and the velocity of the point where it holds the platform
     while the other actuators stand still ([2], section 2): |det A| over the size of that velocity times det A.
-    `arms`: that point seen from the platform point, one (x, y) per leg, where the platform can turn; else empty.
+    `attachments`: that point seen from the platform point, one (x, y) per leg, where the platform can turn; else empty.
     A leg whose point cannot move (all cofactors zero) has cosine 0.
     """
     if len(rows) == 2:  # unit rows: both legs share |sin| of the angle between their screws
@@ -54,7 +55,7 @@ def pressure_cosines(k: Arithmetic[N], rows: Rows[N], attachments: Sequence[tupl
 
 def yielding(k: Arithmetic[N], rows: Rows[N], attachments: Sequence[Sequence[N]]) -> tuple[N, list[N]]:
     """Determinant of A, and, per leg, its size times that of the velocity with which the point where the leg holds the
-    platform moves when this leg alone yields by one unit. `arms` as in `pressure_cosines`."""
+    platform moves when this leg alone yields by one unit. `attachments` as in `pressure_cosines`."""
     det, columns = cofactors(rows)
     if attachments and len(rows) == 4:
         return det, [

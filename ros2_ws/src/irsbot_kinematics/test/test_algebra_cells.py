@@ -12,7 +12,7 @@ pytest.importorskip("flint", reason="python-flint is an optional extra")
 
 from cusps_of_3rpr import CUSPS
 
-from irsbot_kinematics import algebra, make_robot
+from irsbot_kinematics import BadInput, algebra, make_robot
 from irsbot_kinematics.algebra.model.polynomial import integer_context
 from irsbot_kinematics.algebra.sizes import refuse_large_walls
 from irsbot_kinematics.numerics.assembly_roots import SAMPLED_TURNS, planar_closing, trigonometric_roots
@@ -110,6 +110,25 @@ def test_location_knows_walls_and_the_outside(slice_17):
     assert five_bar.locate(("-0.5875", 0)) is None  # the leftmost point of an inner circle
     with pytest.raises(algebra.AlgebraError, match="two coordinates"):
         slice_17.locate((1, 2, 3))
+    for wrong in (5, "20, 20", (None, 1)):
+        with pytest.raises(BadInput):
+            slice_17.locate(wrong)
+    for wrong in (len(slice_17.cells), -1, "a"):
+        with pytest.raises(BadInput):
+            slice_17.region_of(wrong)
+
+
+@pytest.mark.parametrize("low", ["0.5", 0])
+def test_a_negative_value_lies_outside_a_box_of_positive_ones(low):
+    """Of walls with even powers alone the squares are known; the signs count all the same."""
+    s = algebra.System(["x^2 + y^2 = r1^2 + 1", "x = r2"], ["x", "y"], ["r1", "r2"])
+    joint = algebra.decompose(s, ("r1", "r2"), ((low, 2), (low, 3)))
+    assert joint.locate((1, 1)).count == 2
+    for point in ((-1, 1), (1, -1), (-1, -1), (0, 1)):
+        assert joint.locate(point) is None
+    pose = algebra.decompose(s, ("x", "y"), (("0.1", 3), ("0.1", 3)))
+    inside = algebra.pairing(s, joint, pose)[joint.locate((1, 1)).index]
+    assert sorted(i is None for i in inside) == [False, True]  # (1, 1) and (1, -1), the second outside
 
 
 def test_neighbours_with_equal_numbers_are_one_region(slice_17):
@@ -218,6 +237,11 @@ def test_a_five_bar_joint_and_pose_cell_belong_together():
     pose = algebra.decompose(s, ("x", "z"), ((-1.5, 1.5), (-1.5, 1.5)))
     assert joint.counts() == {2: (1, 1)}  # rods longer than the crank ends are ever apart: two poses everywhere
     assert joint.areas()[2] == pytest.approx(36.0)
+    by_text = algebra.decompose(s, ("q1", "q2"), (("-1/2", "1/2"), ("0", 1)))
+    assert by_text.areas()[2] == pytest.approx(1.0)
+    for wrong in (("a", 1), (None, 1), (0, pi), (0, 4)):
+        with pytest.raises(algebra.AlgebraError):
+            algebra.decompose(s, ("q1", "q2"), (wrong, (0, 1)))
     l1, l2, b = 0.375, 0.825, 0.1375
     lens = two_discs(l1 + l2, 2 * b)
     holes = 2 * pi * (l2 - l1) ** 2 - two_discs(l2 - l1, 2 * b)
@@ -227,6 +251,13 @@ def test_a_five_bar_joint_and_pose_cell_belong_together():
     )
     path = algebra.image_of_path(s, [{"x": "0.1", "z": "0.5"}, {"x": "1.2", "z": "0.6"}], pose)
     assert [len(point.images) for point in path] == sorted((len(point.images) for point in path), reverse=True)
+    for corners, cells in (
+        ([{"q1": 1, "q2": 0}, {"q1": 2}], None),
+        ([{"q1": 1}, {"q1": 2, "q2": 0}], None),
+        ([{"x": "0.1", "z": "0.5"}, {"x": "1.2", "z": "0.6"}], joint),
+    ):
+        with pytest.raises(algebra.AlgebraError):
+            algebra.image_of_path(s, corners, cells)
     leaving = max(point.values["x"] for point in path if len(point.images) == 4)
     z = 0.5 + (leaving - 0.1) / 11.0
     assert (leaving + b) ** 2 + z**2 == pytest.approx((l1 + l2) ** 2, abs=1e-6)  # bisected to the outer circle
@@ -271,6 +302,14 @@ def test_an_octree_encloses_the_known_volumes():
     assert pose.volumes()[1] < 32 * pi / 3 < pose.volumes()[1] + pose.undecided
     with pytest.raises(algebra.TooLarge, match="boxes"):
         algebra.octree(algebra.predefined("orthoglide"), ("x", "y", "z"), ((-2, 2),) * 3, 9)
+    for name, names, depth in (
+        ("orthoglide", ("x", "y", "z"), -1),
+        ("orthoglide", ("x", "y", "y"), 1),
+        ("ruu4", ("x", "y", "z"), 1),  # phi is left
+        ("rpr3", ("x", "y", "phi"), 1),  # an angle
+    ):
+        with pytest.raises(BadInput):
+            algebra.octree(algebra.of_robot(make_robot(name)), names, ((-2, 2),) * 3, depth)
 
 
 def test_a_mechanism_of_ones_own():

@@ -142,12 +142,56 @@ def test_carriages_come_back_and_the_platform_does_not(name, centre, start, befo
         assert min(np.abs(rows - pose).max(axis=1)) < 1e-6
 
 
+@pytest.mark.parametrize(
+    ("name", "lengths", "path"),
+    [
+        # The motors of the first robot turn past each other, beyond its reach; both ends are in reach.
+        ("five_bar", {"l1": 0.4, "l2": 0.3, "b": 0.3}, [(1.0, np.pi - 1.0), (2.0 * np.pi - 1.0, 1.0 - np.pi)]),
+        # A crank of the second cannot turn all the way round; a turn ends at the joints at which it begins.
+        ("rrr3_base", {}, [(-0.750995, 3.230521, -0.401021), (2.0 * np.pi - 0.750995, 3.230521, -0.401021)]),
+    ],
+)
+def test_a_segment_that_leaves_the_workspace_between_its_ends_is_not_certified(name, lengths, path):
+    robot = irs.make_robot(name, **lengths)
+    found = irs.certify_loop([path[0], *path], robot)
+    assert not found.certified
+    assert not found.closed
+    assert found.lost_at == 1
+    lost_in_parts = irs.certify_loop(np.linspace(*path, 2000), robot)
+    assert not lost_in_parts.certified
+    # Before a singularity the pose goes with the root of what is left of the joints, a turn over 2^16: 0.01 rad.
+    assert found.end == pytest.approx(lost_in_parts.end, abs=0.03)
+
+
+def test_a_long_segment_goes_the_way_that_was_asked_for():
+    """Cranks so short that they turn all the way round; 1.5 turns to one side are half a turn to the other."""
+    robot = irs.make_robot("rrr3_base", l1=0.03, l2=0.3)
+    pose = (0.0, 0.0, 1.0)
+    first = robot.inverse(pose)
+    for turn in (2.0 * np.pi, 3.0 * np.pi, -3.5 * np.pi):
+        last = np.add(first, (turn, 0.0, 0.0))
+        found = irs.certify_loop([first, last], robot, pose)
+        assert found.certified
+        assert found.closed == (turn == 2.0 * np.pi)
+        assert not found.changed
+        in_parts = irs.certify_loop(np.linspace(first, last, 100), robot, pose)
+        assert found.end == pytest.approx(in_parts.end, abs=1e-9)
+        assert found.steps > abs(turn) / (2.0 * np.pi)  # one step is at most one turn
+
+
 def test_robots_of_two_mirror_modes_are_not_cuspidal():
     for name in irs.robots():
         expected = "yes" if name in CUSPIDAL else "no"
         assert irs.make_robot(name).cuspidal.answer == expected
         assert irs.make_robot(name).cuspidal.reason
     assert irs.make_robot("rrr3_base", l1=0.5).cuspidal.answer == "unknown"
+
+
+@pytest.mark.parametrize("name", CUSPIDAL)
+def test_a_mechanism_derived_from_a_cuspidal_one_is_not_known_to_be_cuspidal(name):
+    mechanism = irs.make_robot(name).mechanism
+    mine = type("Mine", (type(mechanism),), {"kind": "mine"})
+    assert irs.Robot(mine(mechanism.geometry)).cuspidal.answer == "unknown"
 
 
 def test_bad_paths_are_refused():
@@ -158,3 +202,6 @@ def test_bad_paths_are_refused():
         irs.certify_loop([(1, 2, 3), (1, 2, 4)], algebra.predefined("3rpr"))
     with pytest.raises(irs.BadInput, match="lacks"):
         irs.certify_loop([(17, 15, 15), (17, 15, 16)], algebra.predefined("3rpr"), {"x": 1.0})
+    for start in (3, (1, 2), (1, 2, 3, 4), "xyz", (1, 2, float("nan")), {"x": "a", "y": 1, "alpha": 0}):
+        with pytest.raises(irs.BadInput):
+            irs.certify_loop([(17, 15, 15), (17, 15, 16)], algebra.predefined("3rpr"), start)

@@ -82,6 +82,11 @@ def test_the_simplest_fraction_between(low, high):
         ({"angles": ["x"]}, "is an angle"),
         ({"pose": "xy"}, "must be a list"),
         ({"joints": ["r1", "r2", "r3"]}, "redundant"),
+        ({"equations": ["x^2 + y^2 = r1^2", "y/x = r2"]}, "0/0"),  # at x = y = 0
+        ({"equations": ["tan(a)*x = y", "x = r1"], "joints": ["r1", "a"], "angles": ["a"]}, "0/0"),  # at a quarter turn
+        ({"equations": ["x^2 + y^2 = r1^2", "x/(k - k) = r2"], "parameters": {"k": 1}}, "by zero"),
+        ({"equations": ["x^2 + y^2 = r1^2", "x/k = r2"], "parameters": {"k": 0}}, "by zero"),
+        ({"inequalities": ["x/k > 0"], "parameters": {"k": 0}}, "by zero"),
     ],
 )
 def test_a_bad_system_is_refused_in_one_line(stated, word):
@@ -89,6 +94,35 @@ def test_a_bad_system_is_refused_in_one_line(stated, word):
         system(**stated)
     assert word in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+def test_denominators_cancel_and_keep_the_solutions():
+    """Of equations of one unknown, the solutions by hand."""
+
+    def solutions(equation, r, **more):
+        s = algebra.System([equation], ["x"], ["r"], **more)
+        return [c.pose["x"] for c in algebra.configurations(s, {"r": r})]
+
+    assert solutions("x*x/x = r", 3) == [3.0]  # and not 0
+    assert solutions("1/x = r", 4) == [0.25]
+    assert solutions("(x^2 - 1)/(x - 1) = r/2", 6) == [2.0]  # and not 1
+    assert solutions("x/k = r", 4, parameters={"k": "1/2"}) == [2.0]
+    assert solutions("tan(r) = x", (Fraction(3, 5), Fraction(4, 5)), angles=["r"]) == pytest.approx([4.0 / 3.0])
+    for inequality in ("1/x > 0", "r/x^3 < r", "0 < x/x^2"):
+        assert solutions("x = r", -2, inequalities=[inequality]) == []
+        assert solutions("x = r", 2, inequalities=[inequality]) == [2.0]
+    half = algebra.System(["x/k = r"], ["x"], ["r"], parameters={"k": None})
+    assert [c.pose["x"] for c in algebra.configurations(half.assign(k=2), {"r": 3})] == [6.0]
+    with pytest.raises(algebra.AlgebraError, match="by zero"):
+        half.assign(k=0)
+    with pytest.raises(algebra.AlgebraError, match="divides by x"):
+        half.expression("r/x")
+
+
+def test_an_inequality_with_a_tangent_has_its_sign():
+    s = algebra.System(["x = cos(a)"], ["x"], ["a"], angles=["a"], inequalities=["tan(a) > 0"])
+    for sine, cosine, number in ((1, 1, 1), (1, -1, 0), (-1, 1, 0), (-1, -1, 1)):
+        assert len(algebra.configurations(s, {"a": (Fraction(3 * cosine, 5), Fraction(4 * sine, 5))})) == number
 
 
 def test_substitution_keeps_cosine_and_sine_together():
@@ -169,6 +203,14 @@ def test_unknown_names_and_lengths_are_refused():
         algebra.predefined("3rpr", d9=1)
     with pytest.raises(algebra.AlgebraError, match="no platform triangle"):
         algebra.predefined("3rpr", d2=100)
+    for name, key in (("3rpr", "digits"), ("3ppps", "digits"), ("3prs_v", "digits"), ("uranesx", "half_root_3")):
+        for value in (-1, 10**6):
+            with pytest.raises(algebra.AlgebraError, match="digits"):
+                algebra.predefined(name, **{key: value})
+    for wrong in ("-1", "6.5", "a", None, True, float("nan")):
+        with pytest.raises(algebra.AlgebraError):
+            algebra.predefined("3rpr", digits=wrong)
+    assert algebra.predefined("3rpr", digits="6").values == algebra.predefined("3rpr", digits=6).values
     assert set(algebra.names()) >= {*DEGREES, "3prs_v", "3prs_h", *robots()}
 
 

@@ -351,6 +351,19 @@ def test_a_motion_that_loses_its_branch_has_no_poses_from_there_on() -> None:
     assert len(ROBOT.evaluate_many(np.empty((0, 2)), start=pose).status) == 0
 
 
+@pytest.mark.parametrize(
+    ("first", "status"),
+    [((nan, 0.0), irs.Status.INVALID), ((2e6, 0.0), irs.Status.INVALID), ((np.pi, 0.0), irs.Status.UNREACHABLE)],
+)
+def test_a_motion_that_begins_without_a_pose_has_none_at_all(first, status) -> None:
+    robot = irs.make_robot("five_bar", l1=0.4, l2=0.3, b=0.3)
+    found = robot.evaluate_many([first, (1.0, np.pi - 1.0)], start=(0.0, -0.5))
+    assert found.status.tolist() == [status] * 2
+    assert np.isnan(found.pose).all()
+    with pytest.raises((irs.NotAssembled, irs.BadInput)):
+        robot.posture_near(first, (0.0, -0.5))
+
+
 def test_a_single_sample_and_robots_whose_labels_hold_are_not_warned_of() -> None:
     robot = irs.make_robot("rrr3_base")
     q = robot.inverse((0.0, 0.0, 0.3)) if robot.inverse_all((0.0, 0.0, 0.3)) else np.zeros(3)

@@ -195,13 +195,16 @@ def test_a_malformed_direct_request_is_invalid_with_a_reason(irsbot2: Client, jo
 
 def test_margins_of_many_postures_are_states_without_limits(irsbot2: Client):
     there = irsbot2.inverse(*W1)
-    answer = irsbot2.evaluate(*there.joints, NAN, 0.0)
-    good, nonsense = answer.states
+    answer = irsbot2.evaluate(*there.joints, NAN, 0.0, 2e6, 0.0, *there.joints)
+    good, nonsense, far, last = answer.states
     assert (good.level, good.causes) == (Level.OK, Cause.NONE)
     assert list(good.pose) == pytest.approx(W1, abs=1e-9)
     assert all(0.0 < margin <= 1.0 for margin in (*good.type1_margin, good.type2_margin, good.constraint_margin))
     assert (nonsense.level, nonsense.causes) == (Level.UNKNOWN, Cause.NONFINITE)
     assert math.isnan(nonsense.type2_margin)
+    assert (far.level, far.causes) == (Level.UNKNOWN, Cause.IMPLAUSIBLE)
+    assert math.isnan(far.type2_margin)
+    assert (last.level, list(last.pose)) == (Level.OK, list(good.pose))
     assert answer.message == ""
 
 
@@ -267,6 +270,8 @@ def test_a_request_that_is_too_large_is_refused_at_once_with_the_limit(irsbot2: 
     assert answer.message.endswith("got 300000: ask in parts")
     results = answer.states if service == "evaluate" else answer.status
     assert len(results) == 0
+    odd = getattr(irsbot2, service)(*([0.1] * 40_001))
+    assert odd.message.endswith("got 20001: ask in parts")
 
 
 def test_a_request_that_takes_too_long_ends_with_its_progress():

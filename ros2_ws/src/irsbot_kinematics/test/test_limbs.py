@@ -243,6 +243,16 @@ def test_a_limb_of_any_joints_has_the_smallest_singular_value_as_margin():
         lambda: limbs.limb_margin(np.ones((7, 6)), 1.0),
         lambda: limbs.limb_margin(np.ones((2, 6)), 0.0),
         lambda: limbs.limb_margin(np.ones((2, 6)), float("nan")),
+        lambda: limbs.limb_margin(np.ones((2, 6)), "1"),
+        lambda: limbs.limb_margin([[float("nan")] * 6], 1.0),
+        lambda: limbs.limb_margin([["a"] * 6], 1.0),
+        lambda: limbs.limb_margin("abc", 1.0),
+        lambda: limbs.limb_margin(np.ones((2, 6)), 1.0, (1, 2)),
+        lambda: limbs.limb_margin(np.ones((2, 6)), 1.0, (float("nan"), 0, 0)),
+        lambda: limbs.revolute((0, 0, 1), (1, 2)),
+        lambda: limbs.revolute((0, 0, 1), (float("inf"), 0, 0)),
+        lambda: limbs.revolute(("a", 0, 1), (0, 0, 0)),
+        lambda: limbs.prismatic("xyz"),
     ],
 )
 def test_nonsense_is_refused(call):

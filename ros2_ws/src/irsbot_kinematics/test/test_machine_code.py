@@ -204,7 +204,13 @@ def test_a_file_of_the_cache_that_is_no_library_is_named(compiler, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("compiler", "reason"), [("no_such_compiler", "install gcc, or name one in CC"), ("false", "the compiler failed")]
+    ("compiler", "reason"),
+    [
+        ("no_such_compiler", "install gcc, or name one in CC"),
+        ("false", "the compiler failed"),
+        ("'", "no command"),
+        ("/etc/passwd", "cannot run '/etc/passwd'"),
+    ],
 )
 def test_without_a_working_compiler_the_reason_is_stated_and_numpy_goes_on(compiler, reason, monkeypatch):
     monkeypatch.setenv("CC", compiler)
@@ -214,9 +220,18 @@ def test_without_a_working_compiler_the_reason_is_stated_and_numpy_goes_on(compi
     assert robot.evaluate_many([[2.0, 1.0]]).status.tolist() == [irs.Status.SOLVED]
 
 
-def test_a_folder_that_cannot_be_written_is_named(tmp_path, monkeypatch):
+@pytest.mark.parametrize("stated", ["", " "])
+def test_no_compiler_named_is_the_usual_one(stated, tmp_path, monkeypatch):
+    monkeypatch.setenv("CC", stated)
+    monkeypatch.setenv("IRSBOT_CACHE", str(tmp_path))
+    compiled(irs.make_robot("five_bar").mechanism, 1)
+    assert len(list(tmp_path.glob("*.so"))) == 1
+
+
+@pytest.mark.parametrize("place", ["file/below", "/proc/nope"])
+def test_a_folder_that_cannot_be_written_is_named(place, tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
-    monkeypatch.setenv("IRSBOT_CACHE", str(tmp_path / "file" / "below"))
+    monkeypatch.setenv("IRSBOT_CACHE", str(tmp_path / place))
     with pytest.raises(irs.NotCompiled, match="cannot be kept in"):
         irs.make_robot("five_bar").compile()
 

@@ -77,6 +77,16 @@ def test_many_postures_equal_the_single_ones_in_every_field(name):
 
 
 @every_robot
+def test_no_pose_is_returned_that_does_not_close_whatever_the_assembly_mode(name):
+    """A label that no robot has, for example of a foreign record."""
+    robot = ROBOTS[name]
+    for seed in range(10):
+        q = np.random.default_rng(seed).uniform(0.1, 2.6, len(robot.mechanism.joints))
+        at = robot.mechanism.posture(tuple(q.tolist()), 77)
+        assert at.status != irs.Status.SOLVED or at.residual <= 1e-9
+
+
+@every_robot
 @pytest.mark.parametrize("size", [1e6, 1e9, 1e12, 1e155, 1e300, -1e308])
 def test_no_pose_is_returned_that_does_not_close_however_large_the_joints(name, size):
     """Slides a thousand million metres away, angles of 1e300 rad: what is left of their digits may not close."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from importlib import resources
 from math import nan, radians
 
+import numpy as np
 import pytest
 import yaml
 
@@ -104,6 +105,11 @@ def edited(*path, value=None, name="irsbot2_table2"):
         (edited("geometry", "direction", value=1), r"geometry.direction must be \[x, z\]"),
         (edited("geometry", "spacing", value="-0.1 m"), "spacing must be >= 0"),
         (edited("geometry", "l9", value="1 m"), "no length 'l9'"),
+        (edited("geometry", "l1", value={"vlaue": "0.5 m"}), "geometry.l1 needs a value"),
+        (edited("geometry", "spacing", value={"source": "none"}), "geometry.spacing needs a value"),
+        (edited("geometry", "direction", value={"valu": [1, 0]}), "geometry.direction needs a value"),
+        (edited("geometry", "l1", value={"value": "1 m", "sorce": "S1"}), "may have source, assumed"),
+        (edited("robot", value="a" * 300), "a{300}"),
         (edited("family", value="hexapod"), "a family, one of irsbot2, five_bar, chains"),
         (edited("colour", value="red"), "unknown key 'colour'"),
         (edited("robot", value="five_bar"), "robot 'five_bar' is a five_bar"),
@@ -135,6 +141,17 @@ def test_names_that_do_not_exist_are_refused(load):
         lambda: stiffness.load("nowhere.yaml"),
         lambda: stiffness.load("irsbot2_table2", gamma=1.0),
         lambda: stiffness.load("irsbot2_table2", rigid=("wing",)),
+        lambda: stiffness.load("irsbot2_table2", rigid="elbow"),
+        lambda: stiffness.load("irsbot2_table2", rigid=3),
+        lambda: stiffness.load("irsbot2_table2", rigid=([],)),
+        lambda: stiffness.load("irsbot2_table2", parallelogram="0.2"),
+        lambda: stiffness.load("irsbot2_table2", spacing=None),
+        lambda: stiffness.load("irsbot2_table2", spacing=nan),
+        lambda: stiffness.load("irsbot2_table2", l1="0.3"),
+        lambda: stiffness.load("irsbot2_table2", l1=None),
+        lambda: stiffness.load("irsbot2_table2", direction=np.zeros((2, 2))),
+        lambda: stiffness.load("irsbot2_table2", direction=None),
+        lambda: stiffness.load("five_bar_table1", platform_joint=3),
     ):
         with pytest.raises(InvalidDesign):
             run()
@@ -152,6 +169,13 @@ def test_numbers_of_a_file_are_read_in_their_units(load):
     assert (mine.young, mine.poisson, mine.density) == pytest.approx(
         (aluminium.young, aluminium.poisson, aluminium.density), rel=1e-15
     )
+
+
+def test_changes_may_be_numbers_of_numpy():
+    changed = stiffness.load("irsbot2_table2", direction=np.array([1.0, 0.0]), spacing=np.float64(0.3), rigid=["elbow"])
+    assert changed.direction == (1.0, 0.0)
+    assert changed.spacing == 0.3
+    assert changed.sections["elbow"].rigid
 
 
 def test_the_geometry_can_be_that_of_a_robot(load):

@@ -119,12 +119,29 @@ def test_limits_that_no_tube_meets_are_reported():
         {"largest_m": 1e-3, "tubes": ("elbow",)},
         {"largest_m": 1e-3, "lengths": {"beta": (0.1, 0.2)}},
         {"largest_m": 1e-3, "generations": 0},
+        {"largest_m": 1e-3, "seed": -1},
+        {"largest_m": 1e-3, "poses": np.zeros((0, 2))},
+        {"largest_m": 1e-3, "poses": [(0.0, -0.8, 0.0)]},
+        {"largest_m": 1e-3, "poses": "abc"},
     ],
     ids=str,
 )
 def test_a_task_that_is_none_is_refused(wrong):
     with pytest.raises(irs.BadInput):
         Task(stiffness.load("five_bar_table1"), **wrong)
+
+
+def test_poses_of_a_task_may_be_a_list():
+    task = Task(stiffness.load("five_bar_table1"), 1e-2, tubes=("distal",), poses=[(0, -0.8)], generations=1)
+    found = stiffness.size(task)
+    assert found.before == stiffness.statistics(task.start, [(0.0, -0.8)])
+
+
+def test_materials_of_one_name_are_not_mixed_in_a_file():
+    design = stiffness.load("irsbot2_table2")
+    steel = replace(design.sections["elbow"], material=stiffness.Material(210e9, 0.3, 7850.0, "aluminium"))
+    with pytest.raises(stiffness.InvalidDesign, match="aluminium"):
+        stiffness.text_of(replace(design, sections={**design.sections, "elbow": steel}))
 
 
 def test_a_sized_design_is_written_and_read_back_to_the_last_digit(tmp_path):
@@ -169,3 +186,6 @@ def test_the_index_of_23_is_the_share_of_the_largest_over_25():
 def test_statistics_of_poses_out_of_reach_are_refused():
     with pytest.raises(irs.BadInput, match=r"pose \[0.0, -2.0\]"):
         stiffness.statistics(stiffness.load("five_bar_table1"), [(0.0, -0.8), (0.0, -2.0)])
+    for poses in (np.zeros((0, 2)), [], "abc", (0.0, -0.8)):
+        with pytest.raises(irs.BadInput):
+            stiffness.statistics(stiffness.load("five_bar_table1"), poses)

@@ -87,6 +87,31 @@ def test_a_record_brings_back_the_robot_and_refuses_a_file_that_is_not_the_same(
         robot_from_record(record)
 
 
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"assembly_mode": 7},
+        {"assembly_mode": "abc"},
+        {"assembly_mode": "1"},
+        {"assembly_mode": None},
+        {"working_mode": [5]},
+        {"working_mode": [1, 2]},
+        {"working_mode": 1},
+        {"working_mode": None},
+        {"geometry": [1.0]},
+        {"geometry": {"l1": "abc"}},
+        {"mechanism": "a" * 300 + ".py:Prr3"},
+        {"mechanism": None},
+        {"name": ...},
+    ],
+    ids=lambda changed: f"{next(iter(changed))}",
+)
+def test_a_record_that_describes_no_robot_is_refused(changed):
+    record = {**robot_record(irs.make_robot("five_bar")), **changed}
+    with pytest.raises(irs.KinematicsError):
+        robot_from_record({key: value for key, value in record.items() if value is not ...})
+
+
 HEAD = "from dataclasses import dataclass\nimport irsbot_kinematics as irs\n"
 COMPLETE = SOURCE + "\n\nclass Mine(Prr3):\n    def __init__(self, geometry):\n        super().__init__(geometry)\n"
 REFUSED = [
@@ -129,6 +154,19 @@ def test_a_class_that_is_not_a_mechanism_is_refused_in_one_line(tmp_path, mechan
     stated = str(refused.value)
     assert words in stated
     assert "\n" not in stated
+
+
+@pytest.mark.parametrize("text", ["description: 2024-13-45\n", f"description: {'1' * 5000}\n", "description: [\n"])
+def test_a_file_that_is_no_yaml_is_refused(folder, text):
+    file = folder / "prr3.yaml"
+    file.write_text(text + ROBOT)
+    with pytest.raises(irs.BadInput, match="not YAML"):
+        irs.load_robot(file)
+
+
+def test_a_path_that_no_system_can_open_is_refused():
+    with pytest.raises(irs.BadInput):
+        irs.load_robot("a" * 300 + ".yaml")
 
 
 def test_supervision_that_is_no_mapping_is_refused(folder):

@@ -10,7 +10,7 @@ import pytest
 
 import irsbot_kinematics as irs
 from irsbot_kinematics.conformance.samples import Machine
-from irsbot_kinematics.description.urdf import skeleton_of, urdf
+from irsbot_kinematics.description.urdf import joint_ranges, skeleton_of, urdf
 from irsbot_kinematics.mechanism import Posture, Status
 from irsbot_kinematics.mechanisms.rrr3 import Rrr3
 
@@ -145,6 +145,18 @@ def test_names_limits_and_speeds_can_be_given_and_names_are_escaped():
     assert [float(limit.get(key)) for key in ("lower", "upper", "velocity")] == [-2.0, 2.0, 7.0]
     assert joints["left"].get("type") == "revolute"
     assert "joint_1" not in joints
+
+
+def test_joints_that_are_only_referred_to_have_no_limits_of_their_own():
+    """As in the description of a machine under ros2_control and in Gazebo."""
+    joint = '<joint name="a" type="revolute"><limit lower="-1" upper="2"/></joint>'
+    reference = '<joint name="a"><command_interface name="position"/></joint>'
+    others = f"<ros2_control name='s' type='system'>{reference}</ros2_control><transmission name='t'>{reference}"
+    others += f"</transmission><gazebo><plugin>{reference}</plugin></gazebo>"
+    for text in (joint + others, others + joint):
+        assert joint_ranges(f"<robot>{text}</robot>", ["a"]) == ((-1.0,), (2.0,))
+    with pytest.raises(irs.BadInput, match="no joint 'a'"):
+        joint_ranges(f"<robot>{others}</robot>", ["a"])
 
 
 def test_a_mechanism_without_a_description_is_refused_in_a_sentence(monkeypatch: pytest.MonkeyPatch):

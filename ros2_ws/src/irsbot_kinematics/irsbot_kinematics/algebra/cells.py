@@ -15,6 +15,7 @@ from irsbot_kinematics.algebra.model.engine import AlgebraError, flint
 from irsbot_kinematics.algebra.model.polynomial import Polynomial, public, ring_of
 from irsbot_kinematics.algebra.model.roots import RealRoot
 from irsbot_kinematics.algebra.plane import Plane, Said
+from irsbot_kinematics.arguments import checked, count
 
 NODES = 24
 """1: Gauss-Legendre nodes of a column; walls with vertical tangents become smooth by the change of variable."""
@@ -87,8 +88,12 @@ class Cells:
         known = sorted({cell.count for cell in self.cells})
         return {n: (sum(c.count == n for c in self.cells), sum(r.count == n for r in self.regions)) for n in known}
 
+    @checked
     def locate(self, point: Sequence[Any]) -> Cell | None:
-        """The cell of a point; None on a wall or critical line and outside the box. Exact for rational points."""
+        """The cell of a point; None on a wall and outside the box; on a critical line the cell at its left.
+
+        Exact for rational points. Raises BadInput for what is no point.
+        """
         if len(point) != 2:
             raise AlgebraError(f"a point has two coordinates, got {point!r}")
         u, v = (axis.chart(value) for axis, value in zip(self.axes, point, strict=True))
@@ -97,9 +102,10 @@ class Cells:
             return None
         return next(cell for cell in self.cells if (cell.column, cell.row) == place)
 
+    @checked
     def region_of(self, cell: Cell | int) -> Region:
-        """The region that contains a cell."""
-        index = cell if isinstance(cell, int) else cell.index
+        """The region that contains a cell, given itself or by its index. Raises BadInput for another one."""
+        index = count(cell.index if isinstance(cell, Cell) else cell, "cell", 0, len(self.cells) - 1)
         return next(region for region in self.regions if index in region.cells)
 
     @property

@@ -19,7 +19,8 @@ MARGIN = Fraction(1, 2**40)
 
 @dataclass(frozen=True)
 class Axis:
-    """One parameter of a slice. kind: 'plain', 'square' (value^2) or 'tangent' (tan(value/2))."""
+    """One parameter of a slice. kind: 'plain', 'square' (value^2, with the sign of the value) or 'tangent'
+    (tan(value/2)): charts increase with the value."""
 
     name: str
     kind: str
@@ -37,15 +38,16 @@ class Axis:
     def chart(self, value: object) -> Fraction:
         """Chart value of a user's value; exact except for angles."""
         if self.kind == "tangent":
-            return tangent(float(exact(value, self.name) if not isinstance(value, float) else value))
+            return tangent(value if isinstance(value, float) else float(exact(value, self.name)))
         number = value if isinstance(value, Fraction) else exact(value, self.name)
-        return number * number if self.kind == "square" else number
+        return number * abs(number) if self.kind == "square" else number
 
     def chart_float(self, value: float) -> Fraction:
         """Chart value of a float, taken as its exact binary value."""
         if self.kind == "tangent":
             return Fraction(tan(0.5 * value))
-        return Fraction(value) ** (2 if self.kind == "square" else 1)
+        number = Fraction(value)
+        return number * abs(number) if self.kind == "square" else number
 
     def user(self, chart: float) -> float:
         """User's value of a chart value."""
@@ -88,6 +90,11 @@ def _root_up(value: Fraction) -> int:
     return root if root * root == whole else root + 1
 
 
+def _radians(value: Any, name: str) -> float:
+    """An end of the box of an angle: a float as it is, else an exact number."""
+    return value if isinstance(value, float) else float(exact(value, f"the box of {name}"))
+
+
 def axis(name: str, box: Any, turned: bool, even: bool) -> Axis:
     """The chart of a parameter over a box. Raises AlgebraError for an empty box or a value that is not a pair."""
     low: Any
@@ -97,7 +104,7 @@ def axis(name: str, box: Any, turned: bool, even: bool) -> Axis:
     except (TypeError, ValueError):
         raise AlgebraError(f"the box of {name} must be a pair (low, high), got {shown(box)}") from None
     if turned:
-        ends = (float(low), float(high))
+        ends = _radians(low, name), _radians(high, name)
         if not -pi < ends[0] < ends[1] < pi:
             raise AlgebraError(f"the box of the angle {name} must satisfy -pi < low < high < pi, got {ends}")
         return Axis(name, "tangent", tangent(ends[0]), tangent(ends[1]), ends)

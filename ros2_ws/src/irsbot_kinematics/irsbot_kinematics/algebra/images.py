@@ -4,7 +4,7 @@ paths."""
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -80,6 +80,10 @@ def _located(cells: Cells, configuration: Configuration) -> int | None:
     return None if cell is None else cell.index
 
 
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(names) or "no names"
+
+
 @dataclass(frozen=True)
 class ImagePoint:
     """One point of a path and its image."""
@@ -99,12 +103,18 @@ def image_of_path(
 ) -> list[ImagePoint]:
     """Image of a path of joints in pose space or of poses in joint space (ImageTrajectory of [S4]).
 
-    path: corners, each name -> value, all joints or all pose variables; straight between them. cells: where the cell
-    changes between two samples, the place is bisected and both sides are added.
+    path: corners, each name -> value, all joints or all pose variables; straight between them. cells: of the same
+    space; where the cell changes between two samples, the place is bisected and both sides are added. Raises BadInput.
     """
     count(per_segment, "per_segment", 1)
     if len(path) < 2:
         raise AlgebraError("a path needs two points at least")
+    for number, point in enumerate(path, 1):
+        if set(point) != set(path[0]):
+            raise AlgebraError(f"point {number} of the path has {_listed(point)}, the first has {_listed(path[0])}")
+    if cells is not None and not {axis.name for axis in cells.axes} <= set(path[0]):
+        axes = _listed([axis.name for axis in cells.axes])
+        raise AlgebraError(f"the cells lie over {axes}, the path has {_listed(path[0])}: give cells of the same space")
     corners = [{name: exact(value, name) for name, value in point.items()} for point in path]
     total = (len(corners) - 1) * per_segment
 

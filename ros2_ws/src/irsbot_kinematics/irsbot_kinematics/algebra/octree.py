@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from irsbot_kinematics import arguments
 from irsbot_kinematics.algebra import solving
 from irsbot_kinematics.algebra.charts import axis
 from irsbot_kinematics.algebra.model.engine import AlgebraError, TooLarge
@@ -64,17 +65,22 @@ def octree(
     progress: Progress | None = None,
     allow_large: bool = False,
 ) -> Octree:
-    """Boxes of three joints or three pose variables (no angles) with certified numbers of real solutions.
+    """Boxes of all three joints or all three pose variables (no angles) with certified numbers of real solutions.
 
-    Raises AlgebraError, and TooLarge beyond depth 7 unless allow_large.
+    names: all variables of the space, in any order. box: (low, high) of each. depth: number of halvings, from 0. Raises
+    BadInput, AlgebraError, and TooLarge beyond depth 7 unless allow_large.
     """
     complete(system, "an octree")
-    space = next((s for s, v in (("joint", system.joints), ("pose", system.pose)) if set(names) <= set(v)), None)
-    if space is None or len(set(names)) != 3 or len(box) != 3:
-        raise AlgebraError(f"give three joints of {', '.join(system.joints)} or three of {', '.join(system.pose)}")
+    space = next((s for s, v in (("joint", system.joints), ("pose", system.pose)) if sorted(names) == sorted(v)), None)
+    if space is None or len(names) != 3 or len(box) != 3:
+        raise AlgebraError(
+            f"an octree covers a space of three variables, with a range of each; {system.name} has the joints "
+            f"{', '.join(system.joints)} and the pose variables {', '.join(system.pose)}; take slices of larger spaces"
+        )
     turned = [name for name in names if name in system.angles]
     if turned:
         raise AlgebraError(f"{', '.join(turned)} is an angle: an octree needs lengths; take slices")
+    arguments.count(depth, "depth", 0)
     if depth > MOST_DEPTH and not allow_large:
         raise TooLarge(f"depth {depth} makes up to {8**depth} boxes; say allow_large=True, or depth <= {MOST_DEPTH}")
     ends = []

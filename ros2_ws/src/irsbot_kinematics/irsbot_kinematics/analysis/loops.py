@@ -6,6 +6,7 @@ references); a label from the sign of det A does not show the change.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import cos, inf, pi, remainder, sin
@@ -17,7 +18,7 @@ from numpy.typing import ArrayLike
 from irsbot_kinematics import arguments
 from irsbot_kinematics.arguments import checked
 from irsbot_kinematics.errors import BadInput
-from irsbot_kinematics.mechanism import Status
+from irsbot_kinematics.mechanism import Mechanism, Posture, Status
 from irsbot_kinematics.numerics.arithmetic import Array
 from irsbot_kinematics.numerics.tolerances import FARTHEST
 from irsbot_kinematics.robot import Robot, make_robot
@@ -30,6 +31,10 @@ CLOSED = 1e-9
 
 MOST_SAMPLES = 10**7
 """1: largest number of points of a circle."""
+
+HALVINGS = 16
+"""How often a segment is halved before the branch counts as lost. The number of pieces grows with the inverse square of
+the Type 2 margin; a path that needs shorter ones has to give more points."""
 
 SAME_POSE = 1e-6
 """rad, m or the unit of the pose: poses that differ by less are equal."""
@@ -49,8 +54,9 @@ class LoopResult:
         (system).
     smallest_type2: Smallest Type 2 margin at the path's points, 0..1; NaN for a system.
     smallest_type1: Smallest Type 1 margin at the path's points, 0..1; NaN for a system.
-    lost_at: Index of the path point after which the branch was lost; None if it never was.
-    steps: Proved steps; the number of path segments for a robot.
+    lost_at: Index of the path point after which the branch was lost: nothing is proved on that segment beyond `end`;
+        None if it never was.
+    steps: Proved steps.
     """
 
     certified: bool
@@ -90,6 +96,7 @@ def certify_loop(
 ) -> LoopResult:
     """Follow the branch of a start pose along joint positions (N, n), straight between them.
 
+    Each segment is halved until its pieces are proved; one that is not, after HALVINGS, is where the branch is lost.
     robot: a Robot, the name of a shipped one, or an algebra.System (then rails and lengths are in its units).
     start: pose near which the branch starts; the usual assembly mode of a robot if left out. Raises BadInput.
     """
@@ -118,22 +125,46 @@ def _of_robot(points: Array, robot: Robot, start: Any) -> LoopResult:
         at = robot.posture_near(points[0], arguments.place(start, mechanism.task, "start"))
     angles = [joint.is_angle for joint in mechanism.joints]
     first, modes = at, {at.working_mode}
-    det, type2, type1, lost = abs(at.det), at.type2, min(at.type1), None
-    sign = at.det > 0.0
-    for k, q in enumerate(points[1:]):
-        ahead = mechanism.track(tuple(q.tolist()), at)
-        if ahead.status != Status.SOLVED or (ahead.det > 0.0) != sign:
+    det, type2, type1 = abs(at.det), at.type2, min(at.type1)
+    lost, steps = None, 0
+    for k, (a, b) in enumerate(itertools.pairwise(points)):
+        at, proved, there = _proved(mechanism, at, a, b, HALVINGS)
+        steps += proved
+        if not there:
             lost = k
             break
-        at = ahead
         det, type2, type1 = min(det, abs(at.det)), min(type2, at.type2), min(type1, *at.type1)
         modes.add(at.working_mode)
     closed = lost is None and _back(points, angles)
     apart = _apart(first.pose, at.pose, [c.is_angle for c in mechanism.task])
     return LoopResult(
         lost is None, closed, closed and apart > SAME_POSE, np.array(first.pose), np.array(at.pose), len(modes) == 1,
-        det, type2, type1, lost, len(points) - 1,
+        det, type2, type1, lost, steps,
     )  # fmt: skip
+
+
+def _proved(mechanism: Mechanism, at: Posture, a: Array, b: Array, halvings: int) -> tuple[Posture, int, bool]:
+    """Follow the branch of `at` from joints a straight to b: the last proved posture, the number of proved pieces, and
+    whether b is reached.
+
+    A piece is proved if the Type 2 margin has a positive bound over the box of its joints: then one branch goes through
+    all of the box. A piece has at most a turn of a crank, so that its middle is reached the way that was asked for.
+    """
+    half = 0.5 * np.abs(b - a)
+    middle = 0.5 * (a + b)
+    if not any(joint.is_angle and travel > pi for joint, travel in zip(mechanism.joints, half, strict=True)):
+        inside = mechanism.track(tuple(middle.tolist()), at)
+        if inside.status == Status.SOLVED and mechanism.certified_bounds(inside, half.tolist()).type2 > 0.0:
+            ahead = mechanism.track(tuple(b.tolist()), inside)
+            if ahead.status == Status.SOLVED:
+                return ahead, 1, True
+    if not halvings:
+        return at, 0, False
+    at, first, there = _proved(mechanism, at, a, middle, halvings - 1)
+    if not there:
+        return at, first, False
+    at, second, there = _proved(mechanism, at, middle, b, halvings - 1)
+    return at, first + second, there
 
 
 def _of_system(points: Array, system: System, start: Any) -> LoopResult:
@@ -142,7 +173,11 @@ def _of_system(points: Array, system: System, start: Any) -> LoopResult:
     names = (*system.pose, *system.passive)
     if start is None:
         raise BadInput(f"give the start pose of {system.name}: {', '.join(names)}")
-    stated = dict(start) if isinstance(start, Mapping) else dict(zip(names, start, strict=False))
+    if isinstance(start, Mapping):
+        stated = {str(name): arguments.number(value, f"start of {name}") for name, value in start.items()}
+    else:
+        given = arguments.vector(start, len(names), f"start ({', '.join(names)})", FARTHEST)
+        stated = dict(zip(names, given, strict=True))
     found = Tracker(system).follow(points.tolist(), stated)
     first, last = ([pose[name] for name in system.pose] for pose in (found.poses[0], found.poses[-1]))
     closed = found.lost_at is None and _back(points, [name in system.angles for name in system.joints])

@@ -1,8 +1,8 @@
 """Certified bounds of margins over a box of joint positions, with an error of third order in the size of the box.
 
-The box is q = q0 + (s_1 h_1, .., s_n h_n) with every s_j in -1..1. Bounds of first order (`guarantees`) add the effects
-of all joints in all directions. Here every quantity is a polynomial of second degree in the s_j with a certified
-remainder (`quadratics`): effects of several joints, or of one joint on several terms, can cancel.
+The box is q = q0 + (s_1 h_1, .., s_n h_n) with every s_j in -1..1. Bounds of first order (`displacement`) add the
+effects of all joints in all directions. Here every quantity is a polynomial of second degree in the s_j with a
+certified remainder (`quadratics`): effects of several joints, or of one joint on several terms, can cancel.
 
 Setting. Rod i holds the platform point at arm c_i, w_i is the vector along it, L_i its length, C_i its near end. In the
 box C_i is near_i s_i + curve_i s_i^2 away, and at most aside_i from there; L_i is a polynomial in s_i, and at most

@@ -23,7 +23,7 @@ import numpy as np
 import yaml
 
 from irsbot_kinematics import arguments
-from irsbot_kinematics.description.topologies import built, topology
+from irsbot_kinematics.description.topologies import built, set_usual_modes, topology
 from irsbot_kinematics.errors import BadInput, InvalidGeometry, KinematicsError, UnknownRobot
 from irsbot_kinematics.mechanism import Mechanism
 from irsbot_kinematics.mechanisms import TOPOLOGIES
@@ -61,11 +61,13 @@ def read_robot(name_or_path: str | Path, overrides: Mapping[str, Any] | None = N
     arguments.instance(name_or_path, "robot", (str, PathLike), "the name of a shipped robot or the path of a YAML file")
     path = Path(name_or_path)
     if path.suffix in (".yaml", ".yml"):
-        if not path.is_file():
-            raise BadInput(f"{path}: there is no such file")
         try:
+            if not path.is_file():
+                raise BadInput(f"{path}: there is no such file")
             text, name, where = path.read_text(encoding="utf-8"), path.stem, str(path)
-        except (OSError, UnicodeDecodeError) as error:
+        except OSError as error:
+            raise BadInput(f"{path}: cannot be read: {error.strerror or error}") from None
+        except UnicodeDecodeError as error:
             raise BadInput(f"{path}: not YAML: {error}") from None
     else:
         name = where = str(name_or_path)
@@ -84,7 +86,7 @@ def fingerprint(mechanism: Mechanism) -> str:
 def _parse(name: str, text: str, where: str, overrides: Mapping[str, Any]) -> RobotFile:
     try:
         stated = yaml.safe_load(text)
-    except yaml.YAMLError as error:
+    except (yaml.YAMLError, ValueError) as error:  # ValueError: a date that does not exist, a number of 5000 digits
         raise BadInput(f"{where}: not YAML: {' '.join(str(error).split())}") from None
     if not isinstance(stated, dict) or not isinstance(stated.get("geometry"), dict):
         raise BadInput(f"{where}: expected a mapping with the keys {', '.join(sorted(KEYS))}")
@@ -131,11 +133,6 @@ def _number(value: Any, what: str) -> Number:
 def _set_usual(mechanism: Mechanism, usual: Any, where: str) -> None:
     if not isinstance(usual, dict) or not set(usual) <= {"working_mode", "assembly_mode"}:
         raise BadInput(f"{where}: usual is {usual!r}; it may hold working_mode and assembly_mode")
-    stated = usual.get("working_mode", mechanism.usual_working_mode)
-    mode = tuple(stated) if isinstance(stated, (list, tuple)) else (stated,)
+    working = usual.get("working_mode", mechanism.usual_working_mode)
     assembly = usual.get("assembly_mode", mechanism.usual_assembly_mode)
-    if mode not in mechanism.working_modes:
-        raise BadInput(f"{where}: usual.working_mode {list(mode)} is not one of {mechanism.working_modes}")
-    if assembly not in mechanism.assembly_modes:
-        raise BadInput(f"{where}: usual.assembly_mode {assembly} is not one of {mechanism.assembly_modes}")
-    mechanism.usual_working_mode, mechanism.usual_assembly_mode = mode, assembly
+    set_usual_modes(mechanism, working, assembly, f"{where}: usual.")

@@ -7,8 +7,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from irsbot_kinematics.description.topologies import built, reference, referenced
-from irsbot_kinematics.errors import BadInput
+from irsbot_kinematics.description.topologies import built, reference, referenced, set_usual_modes
+from irsbot_kinematics.errors import BadInput, KinematicsError
 from irsbot_kinematics.robot import Robot
 
 
@@ -27,15 +27,16 @@ def robot_record(robot: Robot) -> dict[str, Any]:
 def robot_from_record(stated: Mapping[str, Any], files: Iterable[Path] = ()) -> Robot:
     """The robot of a record. files: other places of the file of its mechanism.
 
-    Raises BadInput for a malformed record and for a mechanism that differs from the recorded one, InvalidGeometry for
-    impossible lengths.
+    Raises BadInput for a malformed record, for modes that the mechanism does not have, and for a mechanism that differs
+    from the recorded one, InvalidGeometry for impossible lengths.
     """
     try:
         found = referenced(stated, files)
         lengths = {key: tuple(v) if isinstance(v, list) else v for key, v in stated["geometry"].items()}
         mechanism = built(found, lengths)
-        mechanism.usual_working_mode = tuple(stated["working_mode"])
-        mechanism.usual_assembly_mode = int(stated["assembly_mode"])
+        set_usual_modes(mechanism, stated["working_mode"], stated["assembly_mode"], "the record of a robot: ")
         return Robot(mechanism, str(stated["name"]))
-    except (KeyError, TypeError, AttributeError) as error:
+    except KinematicsError:
+        raise
+    except (KeyError, TypeError, AttributeError, ValueError, OSError) as error:
         raise BadInput(f"not the record of a robot: {type(error).__name__} {error}") from None

@@ -25,6 +25,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from irsbot_kinematics import arguments
 from irsbot_kinematics.errors import BadInput, KinematicsError
 from irsbot_kinematics.mechanism import Mechanism
 from irsbot_kinematics.mechanisms import TOPOLOGIES, Topology
@@ -179,6 +180,14 @@ def built(found: Topology, geometry: Mapping[str, Any]) -> Mechanism:
             known = getattr(mechanism, modes)
             raise BadInput(f"mechanism '{name}': {usual} is {getattr(mechanism, usual, None)}, not one of {known}")
     return mechanism
+
+
+def set_usual_modes(mechanism: Mechanism, working_mode: Any, assembly_mode: Any, where: str) -> None:
+    """Make other modes the usual ones of a new mechanism. working_mode: signs as a list or tuple. where: what the
+    message begins with. Raises BadInput for a mode that the mechanism does not have."""
+    signs = tuple(working_mode) if isinstance(working_mode, (list, tuple)) else working_mode
+    mechanism.usual_working_mode = arguments.one_of(signs, mechanism.working_modes, f"{where}working_mode")
+    mechanism.usual_assembly_mode = arguments.one_of(assembly_mode, mechanism.assembly_modes, f"{where}assembly_mode")
 
 
 def _unusable(stated: str, what: str, error: Exception) -> BadInput:

@@ -94,7 +94,7 @@ def joint_ranges(text: str, names: Sequence[str]) -> tuple[tuple[float, ...], tu
         root = ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
         raise BadInput(f"not XML: {error}") from None
-    found = {joint.get("name"): joint.find("limit") for joint in root.iter("joint")}
+    found = {joint.get("name"): joint.find("limit") for joint in root.findall("joint")}  # others only refer to them
     ranges = []
     for name in names:
         if name not in found:

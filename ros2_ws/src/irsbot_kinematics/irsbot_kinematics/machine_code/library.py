@@ -73,7 +73,11 @@ def built(text: str) -> Path:
     """The library of a C source, from the cache if it is there. Raises NotCompiled."""
     glibc = platform.machine() == "x86_64" and platform.libc_ver()[0] == "glibc"
     libraries = ("-lmvec", "-lm") if glibc else ("-lm",)
-    command = [*shlex.split(os.environ.get("CC", "cc")), *OPTIONS, *VECTORS]
+    stated = os.environ.get("CC", "").strip() or "cc"
+    try:
+        command = [*shlex.split(stated), *OPTIONS, *VECTORS]
+    except ValueError as error:
+        raise NotCompiled(f"CC is {stated!r}, which is no command ({error}): name a C compiler") from error
     key = hashlib.sha256("\0".join([text, *command, *libraries, platform.machine()]).encode()).hexdigest()[:32]
     library = cache_folder("machine_code") / f"{key}.so"
     if not library.exists():
@@ -89,13 +93,19 @@ def _compile(text: str, command: list[str], libraries: tuple[str, ...], library:
             made = Path(folder) / library.name
             source = Path(folder) / "evaluate.c"
             source.write_text(text)
-            done = subprocess.run(
-                [*command, "-o", str(made), str(source), *libraries], capture_output=True, text=True, check=False
-            )
-            if done.returncode:
-                raise NotCompiled(f"the compiler failed: {shlex.join(done.args)}\n{done.stderr.strip()}")
+            _run([*command, "-o", str(made), str(source), *libraries])
             made.replace(library)
+    except OSError as error:
+        raise NotCompiled(f"the machine code cannot be kept in {library.parent}: {error}") from error
+
+
+def _run(command: list[str]) -> None:
+    """Run the compiler. Raises NotCompiled."""
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
     except FileNotFoundError as error:
         raise NotCompiled(f"no C compiler: '{command[0]}' was not found; install gcc, or name one in CC") from error
     except OSError as error:
-        raise NotCompiled(f"the machine code cannot be kept in {library.parent}: {error}") from error
+        raise NotCompiled(f"cannot run '{command[0]}' ({error.strerror}): name a C compiler in CC") from error
+    if done.returncode:
+        raise NotCompiled(f"the compiler failed: {shlex.join(done.args)}\n{done.stderr.strip()}")

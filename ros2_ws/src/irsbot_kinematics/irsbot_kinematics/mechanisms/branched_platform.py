@@ -183,7 +183,7 @@ class BranchedPlatform(TurningPlatform):
     def track(self, joints: Sequence[float], previous: Posture) -> Posture:
         """The posture that the branch of `previous` has at neighbouring joints.
 
-        A step counts only with a proof: the box of guarantees.displacement_and_turn, or that of `_held`, has exactly
+        A step counts only with a proof: the box of displacement_and_turn, or that of `_held`, has exactly
         one solution, and det A keeps its sign in it, because the inequality's right side contracts there. Steps that
         are too long are halved along the straight way, the shorter one round a crank; after HALVINGS the branch is
         lost, SINGULAR.
@@ -247,11 +247,11 @@ class BranchedPlatform(TurningPlatform):
         """Per arm the most, m, by which displacement and turn move its end, and the most, rad, that the platform turns,
         in a box with exactly one solution; None if this proves none.
 
-        With z = (e_1 .. e_n, t) the right sides of `guarantees` are a polynomial phi(z) without negative coefficients:
-        rod end i moves by e_i <= sum U_ij b_j, U_ij its speed when leg j alone yields, |a_i| <= e_i + radius t^2/2 +
-        path. Where phi(w) <= w the solution stays in the box w. A term z^k of phi has k w^(k-1) 2 w <= (2 w)^k, so
-        that the derivative of phi at w, applied to 2 w, is at most phi(2 w): where that is below 2 w the right sides
-        contract in the box, and A^-1 times the matrix there differs from 1 by less than 1.
+        With z = (e_1 .. e_n, t) the right sides of `displacement` are a polynomial phi(z), no coefficient negative,
+        in which rod end i moves by e_i <= sum U_ij b_j, U_ij its speed when leg j alone yields, |a_i| <= e_i +
+        radius t^2/2 + path. Where phi(w) <= w the solution stays in the box w. A term z^k of phi has
+        k w^(k-1) 2 w <= (2 w)^k, so that the derivative of phi at w, applied to 2 w, is at most phi(2 w): where that is
+        below 2 w the right sides contract in the box, and A^-1 times the matrix there differs from 1 by less than 1.
         """
         drives, _path, rod = asked
         if not (abs(det) > 0.0 and rod > 0.0):

@@ -50,7 +50,7 @@ class Irsbot2(PlanarPair):
         """sigma_y (0: Condition 1) and sigma_xz (0: Condition 2) of sheet section 7.
 
         Their minimum is kappa, the third singular value of the platform's constraint moments: 0 iff the platform
-        gains a rotation. sigma_y lies in 0..sqrt(2) sin(beta).
+        gains a rotation. sigma_y lies in 0..2 sin(beta).
         """
         s, c, l2, D, reach_x, offset_x = self._numbers
         ux, uz = c * (l2 * c1 + D), l2 * mz1

@@ -26,7 +26,7 @@ from irsbot_kinematics.mechanism import (
 )
 from irsbot_kinematics.mechanisms.planar_loop import Loop, loci
 from irsbot_kinematics.numerics.arithmetic import FLOATS, Arithmetic, N
-from irsbot_kinematics.numerics.tolerances import COINCIDENT_TOL_M, FARTHEST
+from irsbot_kinematics.numerics.tolerances import CLOSURE_TOL_M, COINCIDENT_TOL_M, FARTHEST
 
 SOLVED = Status.SOLVED
 
@@ -128,6 +128,8 @@ class PlanarKinematics(Mechanism):
         x, z = 0.5 * (c1x + c2x) - height * vz, 0.5 * (c1z + c2z) + height * vx
         r1x, r1z, r2x, r2z = x - c1x, z - c1z, x - c2x, z - c2z
         off1, off2 = abs(sqrt(r1x * r1x + r1z * r1z) - l2), abs(sqrt(r2x * r2x + r2z * r2z) - l2)
+        if not (off1 <= CLOSURE_TOL_M and off2 <= CLOSURE_TOL_M):
+            return super().posture(joints, assembly)
         r1x, r1z, r2x, r2z = r1x / l2, r1z / l2, r2x / l2, r2z / l2
         sine1, sine2 = s1 * r1x + k1 * r1z, s2 * r2x + k2 * r2z
         down, left, right = (z + e) * (z + e), x + b0, x - b0

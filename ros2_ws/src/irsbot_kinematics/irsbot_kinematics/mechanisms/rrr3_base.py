@@ -148,12 +148,12 @@ class Rrr3Base(CrankPlatform):
         )
 
     def closing(self, joints: Sequence[Array], cosine: Array, sine: Array) -> Array:
-        """assemblies.planar_closing with the crank ends as base points, over size^6."""
+        """planar_closing with the crank ends as base points, over size^6."""
         closing: Array = planar_closing(self.ends(joints, cosine, sine), (self.rod,) * 3) / self.size_m**6
         return closing
 
     def candidates(self, joints: Sequence[Array], turn: Array) -> tuple[Array, ...]:
-        """assemblies.planar_meetings with the crank ends as base points."""
+        """planar_meetings with the crank ends as base points."""
         return planar_meetings(self.ends(joints, np.cos(turn), np.sin(turn)), (self.rod,) * 3, turn)
 
     def skeleton(self) -> Skeleton:

@@ -119,14 +119,14 @@ class SlidingPlatform(BranchedPlatform):
         return legs
 
     def closing(self, joints: Sequence[Array], cosine: Array, sine: Array) -> Array:
-        """assemblies.planar_closing over size^6; 0 if the joints are so far away that no digits are left."""
+        """planar_closing over size^6; 0 if the joints are so far away that no digits are left."""
         lengths = [length for *_, length in self.rods(ARRAYS, joints)]
         closing: Array = planar_closing(self.ends(joints, cosine, sine), lengths) / self.size_m**6
         farthest = np.max([np.abs(q) for q in joints], axis=0)
         return np.where(farthest < FAR * self.size_m, closing, 0.0)
 
     def candidates(self, joints: Sequence[Array], turn: Array) -> tuple[Array, ...]:
-        """assemblies.planar_meetings."""
+        """planar_meetings."""
         lengths = [length for *_, length in self.rods(ARRAYS, joints)]
         return planar_meetings(self.ends(joints, np.cos(turn), np.sin(turn)), lengths, turn)
 

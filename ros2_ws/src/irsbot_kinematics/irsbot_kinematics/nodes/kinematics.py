@@ -12,7 +12,9 @@ from irsbot_msgs.srv import EvaluateJoints, SolveDirect, SolveInverse
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 
+from irsbot_kinematics import arguments
 from irsbot_kinematics.errors import BadInput, KinematicsError, NotAssembled
+from irsbot_kinematics.mechanism import meant
 from irsbot_kinematics.requests import solve_direct, solve_inverse
 from irsbot_kinematics.robot import Robot, load_robot, make_robot
 from irsbot_msgs_py.convert import state_msg
@@ -86,6 +88,11 @@ class KinematicsNode(Node):
         if not joints or len(joints) % width:
             response.message = f"joints must hold a multiple of {width} numbers, got {len(joints)}"
             return response
+        try:
+            assembly = arguments.assembly_mode(self._robot.mechanism, request.assembly_mode or None)
+        except BadInput as error:
+            response.message = str(error)
+            return response
         rows = [joints[i : i + width] for i in range(0, len(joints), width)]
         times, states, failed = (now_ns, now_ns, seen_ns), [], ""
         for number, row in enumerate(rows):
@@ -93,10 +100,7 @@ class KinematicsNode(Node):
                 response.message = f"{BUSY_S:g} s were enough for {number} of {len(rows)} postures: ask for fewer"
                 return response
             try:
-                states.append(evaluation(self._robot, row, request.assembly_mode or None, times, number))
-            except BadInput as error:
-                response.message = str(error)
-                return response
+                states.append(evaluation(self._robot, row, assembly, times, number))
             except Exception as error:  # one posture silences neither the others nor the service
                 failed = self._told(f"posture {number}", error)
                 states.append(_unknown(self._robot, row, times, number, Cause.INTERNAL))
@@ -105,21 +109,24 @@ class KinematicsNode(Node):
 
 
 def too_many(numbers: int, width: int, what: str) -> str:
-    """Reason to refuse a request that is empty or too large. numbers: the flat list, `width` per item."""
+    """Reason to refuse a request that is too large, or nothing. numbers: the flat list, `width` per item."""
     if numbers <= MOST * width:
         return ""
-    return f"at most {MOST} {what} in one request, got {numbers // width}: ask in parts"
+    return f"at most {MOST} {what} in one request, got {-(-numbers // width)}: ask in parts"
 
 
 def evaluation(
-    robot: Robot, joints: tuple[float, ...], assembly_mode: int | None, times: tuple[int, int, int], sequence: int
+    robot: Robot, joints: tuple[float, ...], assembly_mode: int, times: tuple[int, int, int], sequence: int
 ) -> SingularityState:
     """Margins of one posture as a state, without limits (level OK) and without a stopping prediction.
 
-    Raises BadInput for an assembly mode that the robot does not have.
+    Joint positions that are no numbers, or farther than any joint gets, are UNKNOWN. Raises BadInput for an assembly
+    mode that the robot does not have.
     """
     if not all(map(math.isfinite, joints)):
         return _unknown(robot, joints, times, sequence, Cause.NONFINITE)
+    if not meant(joints):
+        return _unknown(robot, joints, times, sequence, Cause.IMPLAUSIBLE)
     blank = _unknown(robot, joints, times, sequence, Cause.NOT_ASSEMBLED)
     try:
         found = robot.evaluate(joints, assembly_mode)

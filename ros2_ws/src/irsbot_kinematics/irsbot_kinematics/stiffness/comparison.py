@@ -17,7 +17,7 @@ from irsbot_kinematics.arguments import array, checked
 from irsbot_kinematics.errors import BadInput
 from irsbot_kinematics.numerics.arithmetic import Array
 from irsbot_kinematics.stiffness.design_file import load
-from irsbot_kinematics.stiffness.response import deflection
+from irsbot_kinematics.stiffness.response import deflection, table_of
 from irsbot_kinematics.stiffness.structure import Structure
 
 SIDEWAYS_N = 100.0
@@ -51,12 +51,21 @@ NOT_PRINTED = Statistics(*[float("nan")] * 4)
 
 @checked
 def statistics(design: Structure, poses: ArrayLike = POSES) -> Statistics:
-    """Deflection along y0 under 100 N over poses (N, 2). Raises BadInput if a pose has no result."""
-    moved = 1e3 * sideways(design, poses)
+    """Deflection along y0 under 100 N over poses (N, 2). Raises BadInput without a pose, and if one has no result."""
+    places = some_poses(poses)
+    moved = 1e3 * sideways(design, places)
     if not np.isfinite(moved).all():
-        where = np.asarray(poses)[~np.isfinite(moved)][0].tolist()
+        where = places[~np.isfinite(moved)][0].tolist()
         raise BadInput(f"pose {where} has no deflection: it is out of reach or singular")
     return Statistics(float(moved.max()), float(moved.mean()), float(moved.std()), design.mass)
+
+
+def some_poses(poses: ArrayLike) -> Array:
+    """At least one pose (x, z), m, as (N, 2). Raises BadInput."""
+    places = table_of(poses)
+    if not len(places):
+        raise BadInput("poses must be at least one, got none")
+    return places
 
 
 def sideways(design: Structure, poses: ArrayLike) -> Array:

@@ -14,15 +14,16 @@ materials:                            # if the shipped ones do not do
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 
-from irsbot_kinematics.arguments import checked
+from irsbot_kinematics.arguments import checked, number, shown
 from irsbot_kinematics.description.robot_file import read_robot
 from irsbot_kinematics.description.topologies import built
 from irsbot_kinematics.errors import KinematicsError
@@ -40,6 +41,8 @@ from irsbot_kinematics.stiffness.structure import Structure
 
 _FOLDER = "stiffness/presets"
 _KEYS = {"family", "description", "robot", "geometry", "sections", "materials", "working_mode"}
+_ENTRY = {"value", "source", "assumed"}
+"""Keys of a number of the geometry."""
 _FAMILIES: dict[str, tuple[type[Irsbot2Structure] | type[FiveBarStructure], tuple[str, ...]]] = {
     "irsbot2": (Irsbot2Structure, ("parallelogram", "direction", "spacing")),
     "five_bar": (FiveBarStructure, ("platform_joint",)),
@@ -95,7 +98,10 @@ def load(name_or_path: str | Path, *, robot: str | None = None, **changes: Any) 
 
 @checked
 def text_of(design: Structure) -> str:
-    """The design as a YAML file that `load` reads back exactly."""
+    """The design as a YAML file that `load` reads back exactly.
+
+    Raises InvalidDesign if two different materials have the same name.
+    """
     geometry: dict[str, Any] = {}
     for key, value in vars(design.mechanism.geometry).items():
         geometry[key] = {"value": f"{value!r} {'rad' if key == 'beta' else 'm'}"}
@@ -113,12 +119,14 @@ def text_of(design: Structure) -> str:
         sections[kind] = {"outer": f"{s.outer!r} m", "inner": f"{s.inner!r} m", "material": s.material.name or kind}
         sections[kind] |= {"source": s.source, "rigid": s.rigid, "assumed": s.assumed}
         m = s.material
-        materials[m.name or kind] = {
+        entry = {
             "young": f"{m.young!r} Pa",
             "poisson": f"{m.poisson!r}",
             "density": f"{m.density!r} kg/m3",
             "source": m.source,
         }
+        if materials.setdefault(m.name or kind, entry) != entry:
+            raise InvalidDesign(f"two different materials are named '{m.name or kind}'; a file needs a name for each")
     stated: dict[str, Any] = {"family": design.family, "description": design.description, "geometry": geometry}
     stated |= {"sections": sections, "materials": materials, "working_mode": list(design.working_mode)}
     return yaml.safe_dump(stated, sort_keys=False, width=120, allow_unicode=True)
@@ -133,6 +141,9 @@ def _structure(
         raise InvalidDesign(f"unknown key '{sorted(map(str, unknown))[0]}'; known are {', '.join(sorted(_KEYS))}")
     geometry = mapping(stated.get("geometry", {}), "geometry")
     entries = {key: entry if isinstance(entry, dict) else {"value": entry} for key, entry in geometry.items()}
+    for key, entry in entries.items():
+        if "value" not in entry or not set(entry) <= _ENTRY:
+            raise InvalidDesign(f"geometry.{key} needs a value and may have source, assumed, got {entry!r}")
     known = [field.name for field in fields(TOPOLOGIES[family].geometry)]
     if unknown := set(entries) - {*known, *extra}:
         raise InvalidDesign(
@@ -142,12 +153,15 @@ def _structure(
         raise InvalidDesign(
             f"the family {family} has no '{sorted(unknown)[0]}' to change; it has {', '.join([*known, *extra])}, rigid"
         )
-    numbers = {key: _length(key, entry["value"]) for key, entry in entries.items() if key in known and "value" in entry}
+    numbers = {key: _length(key, entry["value"]) for key, entry in entries.items() if key in known}
     numbers |= {key: value for key, value in changes.items() if key in known}
     rest = {key: _extra(key, entries.get(key, {}).get("value", _DEFAULTS.get(key)), changes) for key in extra}
     sections = read_sections(stated)
-    for kind in changes.get("rigid", ()):
-        if kind not in sections:
+    rigid = changes.get("rigid", ())
+    if isinstance(rigid, (str, bytes)) or not isinstance(rigid, Iterable):
+        raise InvalidDesign(f"rigid must be names of tubes, such as ('elbow',), got {shown(rigid)}")
+    for kind in rigid:
+        if kind not in list(sections):
             raise InvalidDesign(f"there is no tube '{kind}' to be rigid; there are {', '.join(sections)}")
         sections[kind] = replace(sections[kind], rigid=True)
     mechanism = _mechanism(
@@ -180,7 +194,7 @@ def _mechanism(family: str, robot: Any, numbers: Mapping[str, float], folder: Pa
         return read_robot(which, given).mechanism
     except InvalidDesign:
         raise
-    except KinematicsError as error:
+    except (KinematicsError, OSError) as error:  # OSError: a path that no system can open
         raise InvalidDesign(str(error)) from None
 
 
@@ -190,16 +204,18 @@ def _length(key: str, value: Any) -> float:
 
 def _extra(key: str, value: Any, changes: Mapping[str, Any]) -> Any:
     """A number of the geometry of the elastic model alone; changes are in SI."""
-    if key in changes and key != "direction":
-        return changes[key]
     if key == "platform_joint":
-        return value
+        return changes.get(key, value)
     if key == "direction":
         stated = changes.get(key, value)
+        if isinstance(stated, np.ndarray):
+            stated = stated.tolist()
         if not isinstance(stated, (list, tuple)) or len(stated) != 2:
             raise InvalidDesign(f"geometry.direction must be [x, z], got {stated!r}")
         x, z = (quantity(part, "ratio", "geometry.direction") for part in stated)
         return x, z
+    if key in changes:
+        return number(changes[key], key, error=InvalidDesign)
     if value is None:
         raise InvalidDesign(f"geometry lacks {key}")
     return _length(key, value)

@@ -22,7 +22,7 @@ UNITS: dict[str, dict[str, float]] = {
 def quantity(stated: Any, dimension: str, what: str) -> float:
     """SI value of a number with its unit. Raises InvalidDesign for a missing or wrong unit, and for what is no number.
 
-    said: text such as `60 mm`. dimension: key of UNITS. what: name of the entry, for the message.
+    stated: text such as `60 mm`. dimension: key of UNITS. what: name of the entry, for the message.
     """
     units = UNITS[dimension]
     parts = str(stated).split()

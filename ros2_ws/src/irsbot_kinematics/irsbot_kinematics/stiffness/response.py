@@ -147,7 +147,8 @@ def frequency(design: Design, pose: ArrayLike, mass_kg: float, inertia: ArrayLik
     """First natural frequency, Hz, of a platform of mass_kg on the massless structure; (N,) for many poses.
 
     inertia: (3, 3) about P in base axes, kg m2, centre of mass at P; without it the platform turns without inertia.
-    Coordinates that the joints leave free are held: their frequency is 0. Raises what `matrix` raises, BadInput.
+    A motion that the joints leave free has the frequency 0 and is left out: the result is the lowest frequency of the
+    other motions. Raises what `matrix` raises, BadInput.
     """
     mass_kg = arguments.positive(mass_kg, "mass_kg")
     M = np.zeros((6, 6))

@@ -16,14 +16,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from irsbot_kinematics.arguments import check_fields, checked, interval
+from irsbot_kinematics.arguments import check_fields, checked, count, interval
 from irsbot_kinematics.batch import inverse_many
 from irsbot_kinematics.description.topologies import built
 from irsbot_kinematics.errors import BadInput, KinematicsError
 from irsbot_kinematics.mechanism import Mechanism, Status
 from irsbot_kinematics.mechanisms import Topology
 from irsbot_kinematics.numerics.arithmetic import Array
-from irsbot_kinematics.stiffness.comparison import POSES, SIDEWAYS_N, Statistics, statistics
+from irsbot_kinematics.stiffness.comparison import POSES, SIDEWAYS_N, Statistics, some_poses, statistics
 from irsbot_kinematics.stiffness.response import compliances
 from irsbot_kinematics.stiffness.structure import Structure
 
@@ -57,13 +57,17 @@ class Task:
     lengths: Mapping[str, Range] = field(default_factory=dict)
     """Numbers of the geometry to vary as well, such as a1 or spacing."""
     poses: Array = field(default_factory=lambda: POSES)
+    """(N, 2) m, at least one."""
     seed: int = 0
+    """Of the search, from 0."""
     generations: int = 120
     population: int = 8
     """Candidates per variable."""
 
     def __post_init__(self) -> None:
         check_fields(self)
+        object.__setattr__(self, "poses", some_poses(self.poses))
+        count(self.seed, "seed", 0)
         for name in ("largest_m", "mean_m"):
             if not getattr(self, name) > 0.0:
                 raise BadInput(f"{name} must be a deflection > 0 m, got {getattr(self, name)!r}")

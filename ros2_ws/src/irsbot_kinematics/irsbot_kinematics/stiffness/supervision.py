@@ -7,9 +7,9 @@ longer or shorter by |dl|. A rod of its nominal length and direction that ends a
     slack = |dH| + |dG - dP| + |dl|,     |dl| <= |u . v| + |v|^2 / 2(l - |v|),  v = dG - dH
 
 from where the rigid crank holds it: the directions of the bent rods are those of a machine whose legs are held by the
-base within `slack` of their places, which `Mechanism.guarantee` covers as `slack_m`. So it holds for Type 2; Type 1 and
-the constraint margin, see docs/explanation/stiffness.md. First order in the load, exact in the lengths; loads across
-the plane of motion do not change the planar loop. Ours; proved against 3-D frames by sampling.
+base within `slack` of their places, which `Mechanism.certified_bounds` covers as `slack_m`. So it holds for
+Type 2; Type 1 and the constraint margin, see docs/explanation/stiffness.md. First order in the load, exact in the
+lengths; loads across the plane of motion do not change the planar loop. Ours; proved against 3-D frames by sampling.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class PoseErrors(NamedTuple):
     """Bounds in N poses over all loads of a `Load`; NaN where there is no answer."""
 
     slack_m: Array
-    """(N,) m: error of a leg's length and place, for `Mechanism.guarantee`."""
+    """(N,) m: error of a leg's length and place, for `Mechanism.certified_bounds`."""
     displacement_m: Array
     """(N,) m: of the platform point in the plane of motion."""
     lateral_m: Array
@@ -82,7 +82,7 @@ class ComplianceError:
     """Bounds over a workspace, found by sampling: the largest value met plus what the last refinement added to it."""
 
     slack_m: float
-    """m: add it to `slack_m` of `Mechanism.guarantee`."""
+    """m: add it to `slack_m` of `Mechanism.certified_bounds`."""
     displacement_m: float
     """m: of the platform point in the plane of motion."""
     lateral_m: float

@@ -1,6 +1,6 @@
 """Machines whose geometry is off, each number on its own: true margins by Newton's method from vectors.
 
-Errors are what `Mechanism.guarantee` says of its slack: every length, both coordinates of every place (three in
+Errors are what `Mechanism.certified_bounds` says of its slack: every length, both coordinates of every place (three in
 space), the ends of every rail, beta as the end of its arm. A machine is closed with its own legs, all of them
 different, from the exact posture on; the joints go along. Only the exact posture is taken from the library.
 """

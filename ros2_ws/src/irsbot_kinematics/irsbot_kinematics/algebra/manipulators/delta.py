@@ -8,7 +8,7 @@ from fractions import Fraction
 from typing import Any
 
 from irsbot_kinematics.algebra.model.engine import AlgebraError
-from irsbot_kinematics.algebra.model.exact import exact, square_root
+from irsbot_kinematics.algebra.model.exact import digits_of, exact, square_root
 from irsbot_kinematics.algebra.model.system import Drawing, System
 
 Vector = tuple[Fraction, Fraction, Fraction]
@@ -96,7 +96,7 @@ def uranesx(L: Any = 2, half_root_3: Any = "433/500", low: Any = 0, high: Any = 
     half_root_3: a rational number, or a number of digits as an int for sqrt(3)/2.
     """
     if isinstance(half_root_3, int):
-        h = square_root(Fraction(3, 4), half_root_3)
+        h = square_root(Fraction(3, 4), digits_of(half_root_3, "half_root_3"))
     else:
         h = exact(half_root_3, "half_root_3")
     origins = (

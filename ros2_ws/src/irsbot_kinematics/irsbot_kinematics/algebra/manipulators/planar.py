@@ -8,7 +8,7 @@ from fractions import Fraction
 from typing import Any
 
 from irsbot_kinematics.algebra.model.engine import AlgebraError
-from irsbot_kinematics.algebra.model.exact import angle_pair, exact, square_root
+from irsbot_kinematics.algebra.model.exact import angle_pair, digits_of, exact, square_root
 from irsbot_kinematics.algebra.model.system import Drawing, System
 
 POINT_DIGITS = 40
@@ -59,9 +59,9 @@ def planar_drawing(legs: Sequence[Leg], feet: Sequence[tuple[str, str]]) -> Draw
     )
 
 
-def _platform(d1: Any, d2: Any, d3: Any, beta: Any, digits: int) -> dict[str, Fraction]:
+def _platform(d1: Any, d2: Any, d3: Any, beta: Any, digits: Any) -> dict[str, Fraction]:
     """b2 = (d1, 0) and b3 = d3 (cos beta, sin beta); beta, where given, replaces d2."""
-    first, third = exact(d1, "d1"), exact(d3, "d3")
+    first, third, places = exact(d1, "d1"), exact(d3, "d3"), digits_of(digits, "digits")
     if beta is not None:
         c, s = angle_pair(beta, "beta")
         return {"d1": first, "b3x": third * c, "b3y": third * s}
@@ -73,8 +73,8 @@ def _platform(d1: Any, d2: Any, d3: Any, beta: Any, digits: int) -> dict[str, Fr
         raise AlgebraError(f"no platform triangle has the sides d1 = {first}, d2 = {second}, d3 = {third}")
     return {
         "d1": first,
-        "b3x": Fraction(round(along * 10**digits), 10**digits),
-        "b3y": square_root(third**2 - along**2, digits),
+        "b3x": Fraction(round(along * 10**places), 10**places),
+        "b3y": square_root(third**2 - along**2, places),
     }
 
 
@@ -86,7 +86,7 @@ def rpr3(
     A2x: Any = "15.91",
     A3x: Any = 0,
     A3y: Any = 10,
-    digits: int = POINT_DIGITS,
+    digits: Any = POINT_DIGITS,
 ) -> System:
     """3-RPR of [S4], Listing 8: legs rho_i from A1 = 0, A2 = (A2x, 0), A3 to B1 = P, B2, B3.
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from irsbot_kinematics.algebra.manipulators.planar import POINT_DIGITS
 from irsbot_kinematics.algebra.model.engine import AlgebraError
-from irsbot_kinematics.algebra.model.exact import exact, square_root
+from irsbot_kinematics.algebra.model.exact import digits_of, exact, square_root
 from irsbot_kinematics.algebra.model.system import System
 
 R = {
@@ -20,12 +20,12 @@ R = {
 UNIT = "a^2 + b^2 + c^2 + d^2 = 1"
 
 
-def ppps3(h: Any = None, digits: int = POINT_DIGITS) -> System:
+def ppps3(h: Any = None, digits: Any = POINT_DIGITS) -> System:
     """3-PPPS with U base: legs 1, 2 drive (y, z) of (-1/2, 0, 0), (1/2, 0, 0), leg 3 drives (x, z) of (0, h, 0).
 
     h: sqrt(3)/2, rationalised, if left out. Each rotation occurs as two quaternions.
     """
-    height = square_root(Fraction(3, 4), digits) if h is None else exact(h, "h")
+    height = square_root(Fraction(3, 4), digits_of(digits, "digits")) if h is None else exact(h, "h")
     corners = (("-1/2", "0"), ("1/2", "0"), ("0", "h"))
     driven = (("x1", "y1", "z1"), ("x2", "y2", "z2"), ("x3", "y3", "z3"))
     equations = [
@@ -54,17 +54,17 @@ class UprightRods:
     platform: Fraction
 
 
-def prs3_upright(radius: Any = 3, l: Any = 4, p: Any = 1, digits: int = POINT_DIGITS) -> System:
+def prs3_upright(radius: Any = 3, l: Any = 4, p: Any = 1, digits: Any = POINT_DIGITS) -> System:
     """3-PRS v: upright rails at `radius`, carriage heights rho_i, rods l, platform radius p."""
     return _prs("3prs_v", exact(radius, "radius"), l, p, digits)
 
 
-def prs3_level(l: Any = 4, p: Any = 1, digits: int = POINT_DIGITS) -> System:
+def prs3_level(l: Any = 4, p: Any = 1, digits: Any = POINT_DIGITS) -> System:
     """3-PRS h: level rails through one point, carriage radii rho_i, rods l, platform radius p."""
     return _prs("3prs_h", None, l, p, digits)
 
 
-def _prs(name: str, radius: Fraction | None, l: Any, p: Any, digits: int) -> System:
+def _prs(name: str, radius: Fraction | None, l: Any, p: Any, digits: Any) -> System:
     """Points B_i = p (R at 0, 120, 240 deg) stay in the upright planes: three rational equations without a joint."""
     rod, platform = exact(l, "l"), exact(p, "p")
     if not (rod > 0 and platform > 0):
@@ -79,7 +79,7 @@ def _prs(name: str, radius: Fraction | None, l: Any, p: Any, digits: int) -> Sys
     for i in (1, 2, 3):
         r, h = ("radius", f"rho{i}") if radius is not None else (f"rho{i}", "0")
         rods.append(f"({along[i]} - {r})^2 + ({height[i]} - {h})^2 = l^2")
-    parameters = {"p": platform, "l": rod, "w": square_root(Fraction(3), digits)}
+    parameters = {"p": platform, "l": rod, "w": square_root(Fraction(3), digits_of(digits, "digits"))}
     if radius is not None:
         parameters["radius"] = radius
     return System(

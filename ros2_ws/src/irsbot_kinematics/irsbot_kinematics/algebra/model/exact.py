@@ -20,6 +20,10 @@ ANGLE_DIGITS = 15
 """1: digits after the point of tan(angle/2) when an angle in radians is made rational."""
 
 
+MOST_DIGITS = 100
+"""1: digits after the point of a rationalised root, at most."""
+
+
 def exact(value: Any, what: str = "the number") -> Fraction:
     """A rational number; a float counts as the decimal that prints it. Raises AlgebraError if that is not possible."""
     if isinstance(value, bool):
@@ -46,6 +50,14 @@ def exact(value: Any, what: str = "the number") -> Fraction:
 def stored(value: float) -> Fraction:
     """A length of a robot's file: the shortest decimal that prints the float."""
     return Fraction(repr(float(value)))
+
+
+def digits_of(value: Any, what: str) -> int:
+    """A number of digits after the point, 0 to MOST_DIGITS, from a whole number or its text. Raises AlgebraError."""
+    number = exact(value, what)
+    if number.denominator != 1 or not 0 <= number <= MOST_DIGITS:
+        raise AlgebraError(f"{what} must be a whole number of digits from 0 to {MOST_DIGITS}, got {shown(value)}")
+    return int(number)
 
 
 def square_root(value: Fraction, digits: int) -> Fraction:

@@ -1,8 +1,9 @@
-"""Checks that a system has finitely many, and simple, solutions for joints taken at random."""
+"""Checks of a system: its denominators, and that joints taken at random have finitely many, and simple, solutions."""
 
 from __future__ import annotations
 
 from fractions import Fraction
+from typing import Any
 
 from irsbot_kinematics.algebra.model.engine import AlgebraError, TooLarge
 from irsbot_kinematics.algebra.model.equations import Equations
@@ -30,6 +31,32 @@ def generic_fibre(system: Equations) -> Fibre:
     """The direct solutions at the generic joints. Raises NotFinite, TooLarge."""
     unknown = (*system.pose, *system.passive)
     return Fibre([*system.polys(generic_point(system)), *system.circles(unknown)], system.gens(unknown))
+
+
+def check_denominator(system: Equations, top: Any, bottom: Any, what: str) -> None:
+    """Raises AlgebraError unless top = 0 says the same as top/bottom = 0: both must not vanish together.
+
+    They do not if 1 is in their ideal, with the circles of the angles (Nullstellensatz). A denominator of parameters
+    alone must not be 0; parameters without a value count as different from 0.
+    """
+    over = system.evaluated(bottom)
+    if over == 0:
+        raise AlgebraError(f"{what} divides by zero")
+    variables = (*system.pose, *system.joints, *system.passive)
+    names, own = system.gens(variables), over.context().names()
+    if not any(power for m in over.monoms() for name, power in zip(own, m, strict=True) if name in names):
+        return
+    every = (*variables, *system.parameters)
+    try:
+        fibre = Fibre([system.evaluated(top), over, *system.circles(every)], system.gens(every))
+        together = fibre.dimension > 0
+    except (NotFinite, TooLarge):
+        together = True
+    if together:
+        raise AlgebraError(
+            f"{what} divides by {over}, and may be 0/0 where that is 0; write it without this denominator, "
+            "such as sin(a)*x = cos(a)*y for tan(a) = y/x"
+        )
 
 
 def check_finite(system: Equations) -> None:

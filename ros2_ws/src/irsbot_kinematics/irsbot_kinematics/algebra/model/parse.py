@@ -50,17 +50,25 @@ class Reader:
         return self.ring.gen(self.ring.variable_to_index(name))
 
     def polynomial(self, text: str | int | Fraction, what: str) -> Any:
-        """The numerator of an expression. Raises AlgebraError that names the expression."""
-        return self.ratio(text, what).top
+        """An expression without denominators. Raises AlgebraError that names the expression."""
+        top, bottom = self.ratio(text, what)
+        if not bottom.is_constant():
+            raise AlgebraError(f"{what} '{text}' divides by {bottom}: only numbers may be divided by")
+        return top
 
     def ratio(self, text: str | int | Fraction, what: str) -> Ratio:
-        """An expression as numerator over denominator."""
+        """An expression as numerator over denominator, without common factors; the denominator is 1 where it can be."""
         stated = str(text).replace("^", "**")
         try:
             tree = ast.parse(stated.strip(), mode="eval").body
         except (SyntaxError, ValueError):
             raise AlgebraError(f"{what} '{text}' is no expression such as 'x^2 + y^2 - rho1^2'") from None
-        return self._read(tree, stated.strip(), what)
+        top, bottom = self._read(tree, stated.strip(), what)
+        shared = top.gcd(bottom)
+        if not bottom.is_constant() and shared.is_constant():
+            return Ratio(top, bottom)
+        top, bottom = top / shared, bottom / shared
+        return Ratio(top / bottom.leading_coefficient(), self.one) if bottom.is_constant() else Ratio(top, bottom)
 
     def _read(self, node: ast.expr, stated: str, what: str) -> Ratio:
         match node:

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from itertools import starmap
 from typing import Any
 
 from irsbot_kinematics.algebra.model.engine import AlgebraError
 from irsbot_kinematics.algebra.model.exact import angle_pair, exact
-from irsbot_kinematics.algebra.model.finite import check_finite
+from irsbot_kinematics.algebra.model.finite import check_denominator, check_finite
 from irsbot_kinematics.algebra.model.parse import Reader, cosine_of, generators, positive_side, sine_of, two_sides
 from irsbot_kinematics.algebra.model.polynomial import rational
 from irsbot_kinematics.algebra.model.substitution import substituted
@@ -34,7 +35,8 @@ class Drawing:
 class System:
     """A manipulator. Every value is exact; nothing changes after creation.
 
-    equations: texts such as '(x - 1)^2 + y^2 = rho1^2'. inequalities: strict, such as 'rho1 > 0'.
+    equations: texts such as '(x - 1)^2 + y^2 = rho1^2'. inequalities: strict, such as 'rho1 > 0'. Both may divide;
+    common factors cancel, and an equation that would be 0/0 somewhere is refused.
     pose, joints, passive: names of the variables X, Q and P of [S4]. angles: those of them, and of the parameters, that
     are angles; they occur as cos(a), sin(a) and own their circle cos^2 + sin^2 = 1.
     parameters: name -> value, or None for one that has no value yet. Angles take (cos, sin) or rad.
@@ -80,17 +82,10 @@ class System:
                 raise AlgebraError(f"{group} is empty")
         values = {name: self._value(name, value) for name, value in self.parameters.items() if value is not None}
         reader = Reader(names, self.angles)
-        cleared: dict[str, Any] = {
-            "_values": values,
-            "_reader": reader,
-            "_generic": tuple(self._zero(reader, text, i) for i, text in enumerate(self.equations)),
-            "_positive": tuple(
-                reader.polynomial(positive_side(text, f"inequality {i + 1}"), f"inequality {i + 1}")
-                for i, text in enumerate(self.inequalities)
-            ),
-        }
-        for key, value in cleared.items():
-            object.__setattr__(self, key, value)
+        object.__setattr__(self, "_values", values)
+        object.__setattr__(self, "_reader", reader)
+        object.__setattr__(self, "_generic", tuple(starmap(self._zero, enumerate(self.equations, 1))))
+        object.__setattr__(self, "_positive", tuple(starmap(self._sign, enumerate(self.inequalities, 1))))
         self._check_counts()
         if self.check and self.assigned:
             check_finite(self)
@@ -163,7 +158,7 @@ class System:
         return poly.subs({name: rational(value) for name, value in known.items()}) if known else poly
 
     def expression(self, text: str, what: str = "the expression") -> Any:
-        """A polynomial in the names of this system, with the parameters' values."""
+        """A polynomial in the names of this system, with the parameters' values. Raises AlgebraError."""
         return self.evaluated(self.reader.polynomial(text, what))
 
     # --- other systems -------------------------------------------------------------------------------------------
@@ -199,14 +194,23 @@ class System:
             return angle_pair(value, name)
         return exact(value, name)
 
-    @staticmethod
-    def _zero(reader: Reader, text: str, i: int) -> Any:
-        what = f"equation {i + 1}"
+    def _zero(self, i: int, text: str) -> Any:
+        """The polynomial that is zero where an equation holds."""
+        what = f"equation {i}"
         left, right = two_sides(str(text), what)
-        poly = reader.polynomial(f"({left}) - ({right})", what)
-        if poly.is_constant():
+        top, bottom = self.reader.ratio(f"({left}) - ({right})", what)
+        if top.is_constant():
             raise AlgebraError(f"{what} '{text}' has no variable")
-        return poly
+        check_denominator(self, top, bottom, f"{what} '{text}'")
+        return top
+
+    def _sign(self, i: int, text: str) -> Any:
+        """The polynomial that is positive where an inequality holds: a ratio has the sign of its product."""
+        what = f"inequality {i}"
+        top, bottom = self.reader.ratio(positive_side(text, what), what)
+        if self.evaluated(bottom) == 0:
+            raise AlgebraError(f"{what} '{text}' divides by zero")
+        return top * bottom
 
     def _check_counts(self) -> None:
         n, X, Q, P = len(self.equations), len(self.pose), len(self.joints), len(self.passive)
