@@ -133,7 +133,7 @@ class Policy:
     @staticmethod
     def _not_assembled(assessment: Assessment) -> Finding:
         gap = assessment.at.gaps[0]
-        text = f"no pose belongs to the joints: assembly gap {gap * 1e3:.3f} mm"
+        text = f"no pose belongs to the joints: assembly clearance {gap * 1e3:.3f} mm"
         return Finding(Cause.NOT_ASSEMBLED, Level.UNKNOWN, gap, 0.0, "m", text)
 
 
