@@ -37,8 +37,8 @@ class Policy:
     def judge(
         self, estimate: Estimate, assessment: Assessment, certified: Margins | None, reaction: Floats, held: int
     ) -> list[Finding]:
-        """All findings about one good sample. floor: the margins until standstill, None if there is no posture. held:
-        sum of the causes that were found just before."""
+        """All findings about one good sample. certified: the margins until standstill, None if there is no posture.
+        held: sum of the causes that were found just before."""
         if assessment.at.status != SOLVED or certified is None:
             return [self._not_assembled(assessment), *self._branch(assessment)]
         findings = self._branch(assessment) if assessment.branch_fault else []
@@ -80,7 +80,7 @@ class Policy:
         return findings
 
     def _lingering(self, certified: Margins, held: int) -> list[Finding]:
-        """True while a warning lasts: it ends a little above the limit at which it began."""
+        """Findings while a warning lasts: it ends a little above the limit at which it began."""
         findings = []
         for kind, least, release in zip(MARGIN_CAUSES, certified, self._release, strict=True):
             if held & kind and not least >= release:
@@ -117,7 +117,7 @@ class Policy:
 
     def rare(self, estimate: Estimate, certified: Margins) -> Finding:
         """Finding for samples that have come so late that the robot could not be stopped in time, although it could if
-        they came as they are sent. The posture itself is safe. floor: the margins until standstill."""
+        they came as they are sent. The posture itself is safe. certified: the margins until standstill."""
         lack = [least - stop for least, stop in zip(certified, self._stop, strict=True)]
         k = lack.index(min(lack))
         late = f"samples come late, by now the next may be judged {estimate.expected_s * 1e3:.0f} ms after this one"
