@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from abc import ABCMeta
 from enum import IntEnum
 from pathlib import Path
 
@@ -93,6 +94,24 @@ def test_the_page_about_own_mechanisms_names_all_that_can_be_imported_and_every_
     assert set(re.findall(r"`(\w+)`", imports)) == set(own_mechanism.__all__)
     fields = page.split("### Every field of a robot file")[1].split("\n### ")[0]
     assert set(re.findall(r"^\| `(\w+)`", fields, re.MULTILINE)) == KEYS
+
+
+def test_the_page_about_own_mechanisms_names_every_method_that_a_class_has_to_write() -> None:
+    page = (ROOT / "docs" / "how_to" / "own_mechanism.md").read_text()
+    members = page.split("## Members of the class")[1].split("\n## ")[0]
+    of_all = {name for row in re.findall(r"^\| (.*?) \|", members, re.MULTILINE) for name in re.findall(r"`(\w+)", row)}
+    table = page.split("## Inherit the bounds")[1].split("\n### ")[0]
+    rows = dict(re.findall(r"^\| `(\w+)` \|.*\| (.*) \|$", table, re.MULTILINE))
+    written = {name: set(re.findall(r"`(\w+)", cell)) for name, cell in rows.items()}
+    bases = {name for name in own_mechanism.__all__ if isinstance(getattr(own_mechanism, name), ABCMeta)} - {
+        "Mechanism"
+    }
+    assert set(rows) == bases
+    assert set(own_mechanism.Mechanism.__abstractmethods__) <= of_all
+    for name, stated in written.items():
+        inherited = set[str]().union(*[written[other] for other in stated & bases])
+        missing = getattr(own_mechanism, name).__abstractmethods__ - stated - inherited - of_all
+        assert not missing, f"{name} does not say: {missing}"
 
 
 def test_the_files_of_the_stiffness_page_are_used_as_they_stand(tmp_path: Path) -> None:

@@ -64,6 +64,7 @@ def costs() -> dict[str, float]:
         "brakes that are weaker": reach(s, V, d=0.9 * d) - full,
         "brakes that act 1 ms later": V * 1e-3,
         "an encoder that freezes while": V * 0.02,
+        "an encoder that freezes while the message": d * 0.02**2 / 2,  # the motion at which a slow joint is detected
         "the way out of a stop": slow * s.latency_s + slow**2 / (2 * d),
     }
 

@@ -27,7 +27,7 @@ from irsbot_kinematics.own_mechanism import (
     TurningPlatform,
 )
 
-TINY = 1e-150  # m: keeps a quotient defined where two centres coincide; the gaps then say so
+TINY = 1e-150  # m: keeps a quotient defined where two centres coincide; the clearances then say so
 
 
 @dataclass(frozen=True)

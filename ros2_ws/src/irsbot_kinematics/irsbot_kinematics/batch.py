@@ -260,7 +260,7 @@ def inverse_many(mechanism: Mechanism, poses: Array, mode: Signs) -> tuple[Array
 
 
 def direct_many(mechanism: Mechanism, joints: Array, assembly: int) -> tuple[Array, NDArray[np.uint8], Array]:
-    """Poses (N, m), status (N,) and assembly gap (N,) in m of joints (N, n); NaN where not SOLVED."""
+    """Poses (N, m), status (N,) and assembly clearance (N,) in m of joints (N, n); NaN where not SOLVED."""
     number = len(joints)
     poses = np.full((number, len(mechanism.task)), np.nan)
     status = np.full(number, Status.INVALID, np.uint8)

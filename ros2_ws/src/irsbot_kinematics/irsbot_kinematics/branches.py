@@ -17,7 +17,8 @@ from irsbot_kinematics.numerics.tolerances import SEEN_SHARE
 def nearest_solutions(
     mechanism: Mechanism, Q: Array, seed: Array
 ) -> tuple[Array, NDArray[np.uint8], NDArray[np.int_], Array]:
-    """The solution nearest to a seed pose (m,) for joints (N, n): poses, status, assembly modes and gaps, per row."""
+    """The solution nearest to a seed pose (m,) for joints (N, n), per row: poses, status, assembly modes, and assembly
+    clearances in m."""
     answers = [batch.direct_many(mechanism, Q, mode) for mode in mechanism.assembly_modes]
     away = np.array([_away(mechanism, poses, seed) for poses, _status, _gap in answers])
     choice = np.argmin(np.where(np.isnan(away), np.inf, away), axis=0)

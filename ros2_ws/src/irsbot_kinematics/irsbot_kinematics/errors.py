@@ -48,7 +48,7 @@ class Unreachable(KinematicsError):
 class NotAssembled(KinematicsError):
     """Joint positions to which no pose belongs, or no single one.
 
-    gap_m: assembly slack, negative = how far from being assembled.
+    gap_m: assembly clearance; negative: how far the legs are apart.
     """
 
     def __init__(self, joints: Sequence[float], gap_m: float, why: str) -> None:

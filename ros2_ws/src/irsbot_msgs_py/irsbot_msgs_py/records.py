@@ -183,7 +183,7 @@ def unknown_state(
 class Verdict(NamedTuple):
     """The order that a consumer obeys, with the fields of Verdict.msg."""
 
-    stamp_ns: int  # ROS time of the sample it follows from; 0: none yet
+    stamp_ns: int  # ROS time of the last good sample; 0: none yet
     level: Level
     causes: int  # sum of `Cause`
     latched: bool  # true: only a reset of `event` ends the stop
@@ -193,7 +193,7 @@ class Verdict(NamedTuple):
     sequence: int  # one more than that of the verdict before
     config_hash: str  # of the settings in force
     since_ns: int  # steady clock when this level came into force
-    speed_scale: float  # 0..1, share of the speed limits that may be used
+    speed_scale: float  # 0..1, share of the speed limits that may be used; at STOP behind the command gate alone
     findings: tuple[Finding, ...]
     bypassed: Cause = Cause.NONE  # the cause that an operator has bypassed
     bypass_left: float = 0.0  # s until the bypass ends

@@ -14,7 +14,7 @@ pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 pytestmark = pytest.mark.ros
 
 POLICIES = Path(__file__).parents[1] / "policies"
-NODES = ("kinematics", "operator", "recorder", "simulated_joints", "supervisor")
+NODES = ("consumer", "kinematics", "operator", "recorder", "simulated_joints", "supervisor")
 
 
 def allowed(name: str, kind: str) -> set[str]:
@@ -42,6 +42,9 @@ def test_who_may_do_what():
     for name in NODES:  # of others' parameters and transitions
         assert not any("set_parameters" in one or "change_state" in one for one in allowed(name, "request"))
     assert allowed("recorder", "subscribe") >= {"/joint_states", "/supervisor/verdict", "/command_in"}
+    assert "/supervisor/markers" in allowed("recorder", "subscribe"), "recorded on request"
+    assert allowed("consumer", "subscribe") >= {"/supervisor/verdict", "/supervisor/safe"}
+    assert not {name for name in allowed("consumer", "publish") if name.startswith("/supervisor")}
 
 
 @pytest.mark.parametrize("name", NODES)

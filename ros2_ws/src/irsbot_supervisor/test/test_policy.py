@@ -191,7 +191,7 @@ def test_a_branch_that_is_not_known_is_no_knowledge_beside_everything_else():
 @pytest.mark.parametrize("gap", [-0.02, 0.0, nan])
 def test_joints_without_a_pose_are_unknown(status, gap):
     at = AT._replace(status=status, gaps=(gap, nan))
-    finding = only(judge(GOOD, at=at))  # even with an outlook that promises everything
+    finding = only(judge(GOOD, at=at))  # even with a prediction that promises everything
     assert (finding.cause, finding.level) == (Cause.NOT_ASSEMBLED, Level.UNKNOWN)
     assert (finding.value, finding.limit, finding.unit) == (pytest.approx(gap, nan_ok=True), 0.0, "m")
     assert [finding.cause for finding in judge(None, at=at, branch="lost")] == [Cause.NOT_ASSEMBLED, Cause.BRANCH]

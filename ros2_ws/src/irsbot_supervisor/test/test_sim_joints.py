@@ -1,4 +1,4 @@
-"""The drives follow exactly, brake as the outlook assumes, and never exceed their limits."""
+"""The drives follow exactly, brake as the stopping prediction assumes, and never exceed their limits."""
 
 from __future__ import annotations
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import pytest
 from supervised import (
     BOUNDARY,
@@ -13,10 +16,12 @@ from supervised import (
     ready,
     resting,
     sample,
+    settings_of,
     supervisor_of,
 )
 
 from irsbot_msgs_py.records import Cause, Level
+from irsbot_supervisor.configuration.stoppable_speed import candidates
 from irsbot_supervisor.core.events import Step
 from irsbot_supervisor.core.supervisor import Supervisor
 
@@ -56,6 +61,23 @@ def test_a_sender_that_is_as_slow_as_that_stops_the_robot():
     supervisor, q = ready()
     slow = newest([supervisor.step(sample(31 * k, q)) for k in range(10)])
     assert (slow.level, slow.latched) == (Level.STOP, True)
+
+
+@pytest.mark.parametrize(("some", "words"), [(False, "there is no posture"), (True, "there are some")])
+def test_the_intervals_of_the_page_about_verdicts_are_those_after_which_a_robot_at_rest_is_stopped(some, words):
+    """The postures with the largest margins, and the one that bears the longest interval of those on a fine grid."""
+    page = " ".join((Path(__file__).parents[4] / "docs" / "explanation" / "verdicts.md").read_text().split())
+    (interval_ms,) = re.findall(rf"after two(?: intervals)? of (\d+) ms {words}", page)
+    settings, robot = settings_of("irsbot2")
+    best = [robot.inverse((0.0, -0.8)), *[at.joints for at in candidates(settings, robot.mechanism)]]
+
+    def stands(q) -> bool:
+        supervisor = supervisor_of("irsbot2")
+        feed(supervisor, resting(-150, 0, q))
+        steps = [supervisor.step(sample(k * int(interval_ms), q)) for k in (1, 2, 3)]
+        return newest(steps).level <= Level.WARN
+
+    assert any(map(stands, best)) == some
 
 
 def test_samples_that_jitter_within_a_heartbeat_are_not_late():

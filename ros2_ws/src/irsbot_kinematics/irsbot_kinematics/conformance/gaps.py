@@ -1,4 +1,5 @@
-"""Laws of the gaps of `direct`: they refuse what does not close, and what the joints do not determine."""
+"""Laws of the assembly clearances of `direct`: they refuse what does not close, and what the joints do not
+determine."""
 
 from __future__ import annotations
 
@@ -22,14 +23,14 @@ NEAR = 0.05
 
 
 def gaps_refuse(machine: Machine) -> Iterator[Case]:
-    """Joints within their ranges have a pose that closes, or a gap that says why not: status INVALID is for NaN."""
+    """Joints within their ranges have a pose that closes, or a clearance says why not: status INVALID is for NaN."""
     for q, label, at in machine.asked:
-        stated = f"joints {numbers(q)}, mode {label:+d}: gaps {numbers(at.gaps)} m"
+        stated = f"joints {numbers(q)}, mode {label:+d}: assembly clearances {numbers(at.gaps)} m"
         yield Case(float(at.status == Status.INVALID), f"{stated} promise a pose, and it does not close")
 
 
 def gaps_vanish(machine: Machine) -> Iterator[Case]:
-    """Where the Type 2 margin vanishes, assembly modes meet or the pose is not determined: a gap vanishes with it."""
+    """Where the Type 2 margin vanishes, assembly modes meet or the pose is not determined: a clearance vanishes."""
     rng = machine.random()
     lower, upper = machine.ranges
     largest = np.max([at.gaps for at in machine.postures], axis=0)
@@ -37,7 +38,8 @@ def gaps_vanish(machine: Machine) -> Iterator[Case]:
         for _ in range(WALKS):
             met = _downhill(machine, at, rng.normal(size=len(lower)) * (upper - lower) * STRIDE)
             share = float(np.min(np.divide(met.gaps, largest)))
-            stated = f"{place(met)}: Type 2 margin {met.type2:.3g}, gaps {numbers(met.gaps)} m of {numbers(largest)}"
+            clearances = f"assembly clearances {numbers(met.gaps)} m of {numbers(largest)}"
+            stated = f"{place(met)}: Type 2 margin {met.type2:.3g}, {clearances}"
             yield Case(share / (met.type2 + 1e-9) if met.type2 < NEAR else 0.0, stated)
 
 

@@ -183,7 +183,7 @@ class BranchedPlatform(TurningPlatform):
     def track(self, joints: Sequence[float], previous: Posture) -> Posture:
         """The posture that the branch of `previous` has at neighbouring joints.
 
-        A step counts only with a proof: the box of displacement_and_turn, or that of `_held`, has exactly
+        A step counts only with a proof: the box of `displacement_and_turn`, or that of `_held`, has exactly
         one solution, and det A keeps its sign in it, because the inequality's right side contracts there. Steps that
         are too long are halved along the straight way, the shorter one round a crank; after HALVINGS the branch is
         lost, SINGULAR.

@@ -29,7 +29,7 @@ class DeltaFamily(DeltaKinematics):
         self._nothing = CertifiedBounds((0.0, 0.0, 0.0), 0.0, nan, (0.0, 0.0, 0.0)[: self.limb_count])
 
     def certified_bounds(self, at: Posture, travel: Sequence[float], slack_m: float = 0.0) -> CertifiedBounds:
-        """The platform moves by at most bounds.displacement, with |column i of A^-1| = 1/cos alpha_i.
+        """The platform moves by at most `displacement`, with |column i of A^-1| = 1/cos alpha_i.
 
         The Type 1 sine of a leg depends on the distance of P from its rail alone. Rod i turns by at most
         asin((move + h_i)/L), h_i what its slide moves. cos alpha_i is the sine of the elevation of rod i over the plane

@@ -91,7 +91,7 @@ class TurningPlatform(Mechanism):
         return nan
 
     def certified_bounds(self, at: Posture, travel: Sequence[float], slack_m: float = 0.0) -> CertifiedBounds:
-        """The platform moves and turns by at most (d, t) of displacement_and_turn, a rod end by
+        """The platform moves and turns by at most (d, t) of `displacement_and_turn`, a rod end by
         d + radius t, and a rod turns by at most asin((d + radius t + path)/rod), by t more seen from the platform.
 
         There cos alpha_i is the sine of the elevation of rod i over the line or plane across the velocity of its end

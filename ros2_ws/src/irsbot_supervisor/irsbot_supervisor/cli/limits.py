@@ -50,8 +50,8 @@ def limits(
     """Propose every limit of the supervision, with the reason. Options that are left out use the shipped settings.
 
     Exit code 1 if the robot could not be stopped from its speed within its margins. With --measure the command proposes
-    only stale_s, heartbeat_s and latency_s, from measurements on this computer; exit code 1 then means that the
-    computer does not keep those in force.
+    only stale_s, heartbeat_s, latency_s and judging_s, from measurements on this computer; exit code 1 then means that
+    the computer does not keep those in force.
 
     Example: irsbot limits irsbot2 --speed 12 --deceleration 400 --rate 500 -o mine.yaml.
     """

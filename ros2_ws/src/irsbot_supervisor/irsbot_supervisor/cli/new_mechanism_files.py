@@ -74,8 +74,8 @@ class NAME(RodPlatform):
         raise NotImplementedError("inverse: return the joints, and the reach of each leg")
 
     def direct(self, k: Arithmetic[N], joints: Sequence[N], assembly: int) -> tuple[tuple[N, ...], tuple[N, N]]:
-        """Pose, and two gaps, m: [0] how far from coming apart, [1] how far from not determining the pose."""
-        raise NotImplementedError("direct: return (x, y, phi), and both gaps")
+        """Pose, and two assembly clearances, m: [0] distance to coming apart, [1] to not determining the pose."""
+        raise NotImplementedError("direct: return (x, y, phi), and both assembly clearances")
 '''
 
 PLANAR_ROBOT = """# Check it: ./irsbot check-mechanism LOWER.yaml

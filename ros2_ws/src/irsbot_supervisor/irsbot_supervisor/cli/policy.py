@@ -11,9 +11,14 @@ import typer
 from irsbot_supervisor.cli.common import out, refuse
 from irsbot_supervisor.processes.suite import free_domain
 
+ON_REQUEST = ("topics.markers:=supervisor/markers",)
+"""Parameters of topics that a node uses only if it is told to: a policy allows them."""
+
 
 def policy(
-    node: Annotated[str, typer.Argument(help="recorder, kinematics, supervisor, simulated_joints or operator")],
+    node: Annotated[
+        str, typer.Argument(help="recorder, kinematics, supervisor, simulated_joints, consumer or operator")
+    ],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="write it here; printed if left out")] = None,
 ) -> None:
     """Write the SROS2 policy of a node: it allows the names that the node uses and denies all others.
@@ -31,7 +36,7 @@ def policy(
 
 
 def policy_of(name: str) -> str:
-    """The policy of a node of the suite, or of an operator."""
+    """The policy of a node of the suite, of a consumer, or of an operator."""
     import rclpy  # ROS, which the other commands do not need
 
     from irsbot_supervisor.nodes import access
@@ -39,11 +44,13 @@ def policy_of(name: str) -> str:
 
     if name == "operator":
         return access.operators()
-    if name not in NODES:
-        refuse(f"no node '{name}'; there are {', '.join(NODES)} and operator")
+    nodes = {**NODES, "consumer": access.ConsumerNode}
+    if name not in nodes:
+        refuse(f"no node '{name}'; there are {', '.join(nodes)} and operator")
     with tempfile.TemporaryDirectory() as folder:
-        rclpy.init(args=["--ros-args", "-p", f"output:={folder}/bag", "--log-level", "error"], domain_id=free_domain())
-        made: Any = NODES[name]()
+        given = [word for one in (f"output:={folder}/bag", *ON_REQUEST) for word in ("-p", one)]
+        rclpy.init(args=["--ros-args", *given, "--log-level", "error"], domain_id=free_domain())
+        made: Any = nodes[name]()
         try:
             return access.policy(name, access.access_of(made))
         finally:

@@ -159,7 +159,7 @@ def _stop(kind: str, top: float, force: float, near: NearLimit, ratio: float) ->
     """The stop limit that forces allow, or that errors need."""
     need = SAFETY * near.error
     value = _up(max(force, need, LEAST_LIMIT))
-    errors = f"encoder and geometry errors change it by {near.error:.2g} there"
+    errors = f"encoder and geometry errors typically change it by {near.error:.2g} there"
     if need > force:
         return Proposal(f"{kind}_stop", value, f"{errors}, and {SAFETY:g} times that has to be left")
     reason = {

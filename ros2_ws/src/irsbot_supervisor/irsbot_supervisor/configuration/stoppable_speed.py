@@ -52,7 +52,7 @@ class Postures(NamedTuple):
     """Postures in one pair of modes."""
 
     joints: Array  # (N, n) rad or m
-    margins: Array  # (N, 4) in the order of `core.margins.Margins`, infinite where there is none
+    margins: Array  # (N, 4) in the order of `Margins`, infinite where there is none
 
 
 class StoppableSpeed(NamedTuple):
@@ -61,7 +61,7 @@ class StoppableSpeed(NamedTuple):
     at: Posture
     share: float  # of the velocity limits; 0 where the robot cannot be stopped in time even from rest
     travel: Floats  # rad or m each joint takes to stop from that motion
-    kind: int  # the margin that ends it, as in `core.margins.Margins`; -1: nothing ends it in the range looked at
+    kind: int  # the margin that ends it, in the order of `Margins`; -1: nothing ends it in the range looked at
 
 
 class _Case(NamedTuple):

@@ -86,7 +86,7 @@ class Assessor:
         fault = self._lost if lasting else ""
         if not (at.status == SOLVED and min(at.gaps) > self.contact_m):
             # Contact lies between assembled and not assembled: every transition passes it.
-            fault = fault or f"the robot touched a Type 2 singularity (gap {min(at.gaps):.2e} m)"
+            fault = fault or f"the robot touched a Type 2 singularity (assembly clearance {min(at.gaps):.2e} m)"
             if lasting:
                 self._lost = fault
         if at.status != SOLVED:

@@ -80,7 +80,7 @@ class Policy:
         return findings
 
     def _lingering(self, certified: Margins, held: int) -> list[Finding]:
-        """Findings for warnings that last: a warning ends a little above the limit at which it began."""
+        """Findings while a warning lasts: it ends a little above the limit at which it began."""
         findings = []
         for kind, least, release in zip(MARGIN_CAUSES, certified, self._release, strict=True):
             if held & kind and not least >= release:
@@ -133,7 +133,7 @@ class Policy:
     @staticmethod
     def _not_assembled(assessment: Assessment) -> Finding:
         gap = assessment.at.gaps[0]
-        text = f"no pose belongs to the joints: assembly gap {gap * 1e3:.3f} mm"
+        text = f"no pose belongs to the joints: assembly clearance {gap * 1e3:.3f} mm"
         return Finding(Cause.NOT_ASSEMBLED, Level.UNKNOWN, gap, 0.0, "m", text)
 
 

@@ -115,7 +115,11 @@ class Settings:
         0.0, "s", "interval between samples that is always expected; 0: as learned", 0.0, 10.0
     )
     judging_s: float = _number(
-        0.0, "s", "longest time to judge a sample; 0: interval between samples, at most 5 ms", 0.0, 1.0
+        0.0,
+        "s",
+        "longest time to judge a sample; at least the interval between samples, or 5 ms if that is less, counts",
+        0.0,
+        1.0,
     )
     heartbeat_s: float = _number(0.01, "s", "time after which a verdict is repeated", 0.001, 0.02)
     age_limit_s: float = _number(0.05, "s", "oldest acceptable stamp on arrival", 0.001, 10.0)

@@ -6,7 +6,9 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable
 from typing import NamedTuple
 
+from irsbot_msgs.msg import Verdict
 from rclpy.node import Node
+from std_msgs.msg import Bool
 
 EVERY_NODE = {"publish": ("/rosout",), "subscribe": ("/clock", "/parameter_events")}
 """Interfaces that every rclpy node may use, in addition to its present ones."""
@@ -33,6 +35,15 @@ OPERATOR = {
 
 INTERFACES = (("topics", "publish"), ("topics", "subscribe"), ("services", "reply"), ("services", "request"))
 """Elements of a profile and what they allow, with the names of SROS2."""
+
+
+class ConsumerNode(Node):
+    """A node with what every consumer needs of the supervisor; the outputs to its drives are its own."""
+
+    def __init__(self) -> None:
+        super().__init__("consumer")
+        for kind, topic in ((Verdict, "supervisor/verdict"), (Bool, "supervisor/safe")):
+            self.create_subscription(kind, topic, lambda _message: None, 1)
 
 
 class Access(NamedTuple):

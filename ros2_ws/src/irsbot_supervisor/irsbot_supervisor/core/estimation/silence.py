@@ -1,5 +1,5 @@
 """Where the joints may have been while no samples came, and near Type 2 between two samples:
-docs/explanation/guarantee.md, "After a gap" and "Between two samples near Type 2".
+docs/explanation/guarantee.md, "After a long interval" and "Between two samples near Type 2".
 
 The drives brake when UNKNOWN is published, at the latest `stale_s` + `heartbeat_s` after the last sample. They were
 free for longer if the supervisor itself was silent then, or if its settings were others.

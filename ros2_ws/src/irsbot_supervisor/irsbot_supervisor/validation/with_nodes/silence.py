@@ -20,13 +20,13 @@ from irsbot_supervisor.validation.with_nodes.silence_causes import CAUSES
 from irsbot_supervisor.validation.with_nodes.silence_cell import Cell, Heard, supervised
 
 NAME = "silence"
-MUST = "calls, settings, others' life cycles, disk stalls: verdicts go on, 99.9 % of the longest gaps <= 30 ms"
+MUST = "calls, settings, others' life cycles, disk stalls: verdicts go on, 99.9 % of the longest times without <= 30 ms"
 
 ROBOTS = ("rrr3_base", "ruu4")
 """The slowest robots: their branches have to be followed."""
 
 LIMIT_S = 0.03
-"""s between two verdicts, at the 99.9th percentile of the longest gaps of all cases."""
+"""s between two verdicts, at the 99.9th percentile of the longest times of all cases."""
 
 JUDGED = 300
 """Number of cases of a kind from which a 99.9th percentile is meaningful; with fewer cases times are not judged."""
