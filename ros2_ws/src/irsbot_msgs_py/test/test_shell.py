@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from irsbot_msgs_py.process.fastdds import PEERS, PROFILES, RANGE, TRANSPORTS
+from irsbot_msgs_py.process.run import SWITCH_S
 
 pytest.importorskip("rclpy", reason="needs ROS 2")
 
@@ -44,6 +45,8 @@ class Shown(LifecycleNode):
     def tick(self):
         self.ticks += 1
         print("tick", self.ticks, flush=True)
+        if WISH == "say how long a thread keeps others waiting":
+            print(sys.getswitchinterval(), flush=True)
         if WISH == "fail" and self.ticks < 3:
             raise RuntimeError("a callback failed")
         if WISH == "talk":
@@ -90,6 +93,13 @@ def test_a_signal_closes_the_node_and_is_a_success(number: signal.Signals):
         assert process.returncode == 0
         assert out.endswith("closed\n")
         assert err == ""
+
+
+def test_a_thread_of_a_single_node_too_lets_its_callbacks_run_soon():
+    with shown("say how long a thread keeps others waiting") as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "tick 1\n"
+        assert float(process.stdout.readline()) == pytest.approx(SWITCH_S)
 
 
 def test_the_node_may_end_itself_with_a_code():
