@@ -55,6 +55,8 @@ class Shown(LifecycleNode):
             self.exit_code = 7
     def close(self):
         print("closed", flush=True)
+        if WISH == "owe an answer":
+            self.executor.create_task(print, "answered", flush=True)  # as an action server does
     def destroy_node(self):
         if WISH == "leave and be stuck":
             Stuck()
@@ -100,6 +102,16 @@ def test_a_thread_of_a_single_node_too_lets_its_callbacks_run_soon():
         assert process.stdout is not None
         assert process.stdout.readline() == "tick 1\n"
         assert float(process.stdout.readline()) == pytest.approx(SWITCH_S)
+
+
+def test_an_answer_that_a_node_owes_at_its_end_is_given():
+    with shown("owe an answer") as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "tick 1\n"
+        process.send_signal(signal.SIGINT)
+        out, _ = process.communicate(timeout=120)
+        assert process.returncode == 0
+        assert out.endswith("closed\nanswered\n")
 
 
 def test_the_node_may_end_itself_with_a_code():

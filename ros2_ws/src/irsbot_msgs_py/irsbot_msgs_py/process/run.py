@@ -1,8 +1,8 @@
 """Runs the process of a node: start, spin, clean stop, exit code. rclpy is imported only when a node runs.
 
-A node may have `exit_code` (None while it wants to run on), `close()` (called once before it is destroyed),
-`thread_priority` (for all threads of the process), and, if several nodes share a process, `bystander` (True if the
-others go on without it).
+A node may have `exit_code` (None while it wants to run on), `close()` (called once before it is destroyed; the tasks
+that it creates then are still served), `thread_priority` (for all threads of the process), and, if several nodes share
+a process, `bystander` (True if the others go on without it).
 """
 
 from __future__ import annotations
@@ -185,6 +185,10 @@ def _spin(node: Any, stop: list[int]) -> int:
         with _reported(node):
             node.close()
             exit_code = getattr(node, "exit_code", None)
+        with _reported(node):  # tasks that it has created, such as results of an action, run in their order
+            last = Future()
+            executor.create_task(last.set_result, None)
+            executor.spin_until_future_complete(last, timeout_sec=WAKE_S)
     executor.shutdown()
     return exit_code or DONE
 
