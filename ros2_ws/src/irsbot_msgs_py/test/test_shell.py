@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from irsbot_msgs_py.process.fastdds import PEERS, PROFILES, RANGE, TRANSPORTS
+from irsbot_msgs_py.process.fastdds import ONLY_LOCALHOST, PEERS, PROFILES, RANGE, TRANSPORTS
 from irsbot_msgs_py.process.run import SWITCH_S
 
 pytest.importorskip("rclpy", reason="needs ROS 2")
@@ -70,7 +70,8 @@ sys.exit(run(Shown, log="shown" if WISH == "talk" else ""))
 @contextmanager
 def shown(wish: str, *args: str, **variables: str) -> Iterator[subprocess.Popen[str]]:
     """A process that prints every tick; killed on the way out if it still lives."""
-    inherited = {name: value for name, value in os.environ.items() if name not in (TRANSPORTS, PROFILES, RANGE, PEERS)}
+    ours = TRANSPORTS, PROFILES, RANGE, PEERS, ONLY_LOCALHOST
+    inherited = {name: value for name, value in os.environ.items() if name not in ours}
     process = subprocess.Popen(
         [sys.executable, "-c", PROGRAM, wish, *args],
         env={**inherited, "ROS_DOMAIN_ID": str(1 + os.getpid() % 100), **variables},
@@ -201,9 +202,10 @@ def test_a_mistake_of_the_user_is_one_line_and_exit_code_2(wish: str, args: list
     [
         ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}, False),
         ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}, False),
+        ({"ROS_LOCALHOST_ONLY": "1"}, False),
         ({"FASTDDS_BUILTIN_TRANSPORTS": "DEFAULT"}, True),
     ],
-    ids=["in the network", "on this machine", "where the user has chosen it"],
+    ids=["in the network", "on this machine", "on this machine, the older way", "where the user has chosen it"],
 )
 def test_no_memory_is_shared_with_other_processes(variables: dict[str, str], shared: bool):
     with shown("run", **variables) as process:
