@@ -157,6 +157,7 @@ def test_every_node_of_the_suite_is_in_the_reference(generator: Any) -> None:
     assert set(suite.NODES) <= set(re.findall(r"^## (\w+)$", page, re.MULTILINE))
     assert "`supervisor/follow_joint_trajectory`" in page
     assert "`supervisor/bypass`" in page
+    assert {name.strip("`") for name in re.findall("`/[^`]+`", page)} == {"/diagnostics", "/tf"}  # these do not move
 
 
 def test_every_command_and_option_is_in_the_reference(generator: Any) -> None:

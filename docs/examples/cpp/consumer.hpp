@@ -1,9 +1,10 @@
 // The consumer's half of irsbot in C++17, standard library only: what a drive or a controller makes of verdicts.
 // Call hear() for every irsbot_msgs/msg/Verdict and allowed() before every step; see irsbot_supervisor/consumer.py.
+// node: an rclcpp::Node with the clock of the supervisor (use_sim_time as there). steady_ns(): a steady clock, ns.
 //
 //   irsbot::Consumer consumer;
 //   auto on_verdict = [&](const irsbot_msgs::msg::Verdict & v) {
-//     consumer.hear(v.level, v.sequence, v.speed_scale, steady_ns(), (clock.now() - v.header.stamp).seconds());
+//     consumer.hear(v.level, v.sequence, v.speed_scale, steady_ns(), (node->now() - v.header.stamp).seconds());
 //   };
 //   // every cycle: if (consumer.brakes() != brakes_when_commanded) { forget_command(); }
 //   //              double share = consumer.allowed(steady_ns());   // 0: brake
@@ -13,6 +14,8 @@
 #include <cmath>
 #include <cstdint>
 #include <cstdlib>
+#include <stdexcept>
+#include <type_traits>
 
 namespace irsbot {
 
@@ -20,7 +23,18 @@ constexpr double kTimeout = 0.1;  // s
 
 class Consumer {
  public:
-  explicit Consumer(double timeout_s = kTimeout, bool gated = false) : timeout_s_(timeout_s), gated_(gated) {}
+  // timeout_s: silence after which to brake; above 0.1 s an assumption of the stopping theorem is broken.
+  // gated: all commands pass the command gate.
+  // Throws std::invalid_argument for a time-out that is not positive and finite.
+  explicit Consumer(double timeout_s = kTimeout, bool gated = false) : timeout_s_(timeout_s), gated_(gated) {
+    if (!(timeout_s > 0.0 && std::isfinite(timeout_s))) {
+      throw std::invalid_argument("the time-out of a consumer must be positive and finite");
+    }
+  }
+
+  // Consumer(true) would be a time-out of 1 s: write Consumer(irsbot::kTimeout, true).
+  template <typename T, typename = std::enable_if_t<std::is_same_v<T, bool>>>
+  explicit Consumer(T timeout_s, bool gated = false) = delete;
 
   // A verdict has come. now_ns: steady clock. age_s: by the clock that stamps, now minus the stamp of the verdict.
   void hear(int level, std::uint64_t sequence, double speed_scale, std::int64_t now_ns, double age_s = 0.0) {

@@ -13,6 +13,9 @@ POLICIES = SRC / "irsbot_supervisor" / "policies"
 EVERY_NODE = ("/rosout", "/clock", "/parameter_events")
 """Topics that every node of ROS has."""
 
+ABSOLUTE = ("/diagnostics", "/tf")
+"""Topics of ours that do not move with the namespace."""
+
 ACTION = "/_action/"
 
 
@@ -42,10 +45,10 @@ def _nodes() -> str:
     return page(
         "Topics, services and actions",
         "What each node of the suite uses. The lists are those of the shipped SROS2 policies, which are tested against "
-        "running nodes; what every ROS node has is left out. All names are relative: they move with the namespace and "
-        "can be remapped. Types and quality of service: [on a ROS 2 machine](../how_to/ros2_machine.md#topics). "
-        "`supervisor/follow_joint_trajectory` is served where control_msgs is installed, `tf` and `bond` are published "
-        "where tf2_msgs and bond are.",
+        "running nodes; what every ROS node has is left out. Names without a slash in front are relative: they move "
+        "with the namespace. All can be remapped. Types and quality of service: "
+        "[on a ROS 2 machine](../how_to/ros2_machine.md#topics). `supervisor/follow_joint_trajectory` is served where "
+        "control_msgs is installed, `/tf` and `bond` are published where tf2_msgs and bond are.",
         *parts,
     )
 
@@ -61,8 +64,12 @@ def _node(profile: ElementTree.Element) -> str:
                 found.setdefault("serves the action", []).extend(
                     name.split(ACTION)[0] for name in names if name.endswith(f"{ACTION}send_goal")
                 )
-    rows = [(said, ", ".join(code(name.lstrip("/")) for name in names)) for said, names in found.items() if names]
+    rows = [(said, ", ".join(map(_shown, names))) for said, names in found.items() if names]
     return table(("", "names"), rows)
+
+
+def _shown(name: str) -> str:
+    return code(name if name in ABSOLUTE else name.lstrip("/"))
 
 
 def _ours(name: str) -> bool:

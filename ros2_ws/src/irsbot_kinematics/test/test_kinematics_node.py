@@ -280,4 +280,8 @@ def test_a_request_that_takes_too_long_ends_with_its_progress():
         answer = client.evaluate(*([0.1] * (4 * 20_000)))
         assert "of 20000 postures: ask for fewer" in answer.message
         assert len(answer.states) == 0
+        seed = (0.0,) * len(client.direct(*([0.1] * 4)).poses)
+        solved = client.direct(*([0.1] * (4 * 20_000)), seed=seed)
+        assert "of 20000 postures: ask for fewer" in solved.message
+        assert (len(solved.poses), len(solved.status), len(solved.gap), len(solved.assembly_mode)) == (0, 0, 0, 0)
         assert len(client.evaluate(*([0.1] * 8)).states) == 2

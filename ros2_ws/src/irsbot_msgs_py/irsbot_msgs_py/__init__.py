@@ -1,1 +1,1 @@
-"""Plain records of the messages between processes; only `convert` needs ROS."""
+"""Plain records of the messages between processes; only `convert` and `process.run` need ROS."""

@@ -12,7 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from irsbot_msgs_py.process.fastdds import PEERS, PROFILES, RANGE, TRANSPORTS
+from irsbot_msgs_py.process.fastdds import ONLY_LOCALHOST, PEERS, PROFILES, RANGE, TRANSPORTS
+from irsbot_msgs_py.process.run import SWITCH_S
 
 pytest.importorskip("rclpy", reason="needs ROS 2")
 
@@ -44,6 +45,8 @@ class Shown(LifecycleNode):
     def tick(self):
         self.ticks += 1
         print("tick", self.ticks, flush=True)
+        if WISH == "say how long a thread keeps others waiting":
+            print(sys.getswitchinterval(), flush=True)
         if WISH == "fail" and self.ticks < 3:
             raise RuntimeError("a callback failed")
         if WISH == "talk":
@@ -52,6 +55,8 @@ class Shown(LifecycleNode):
             self.exit_code = 7
     def close(self):
         print("closed", flush=True)
+        if WISH == "owe an answer":
+            self.executor.create_task(print, "answered", flush=True)  # as an action server does
     def destroy_node(self):
         if WISH == "leave and be stuck":
             Stuck()
@@ -65,7 +70,8 @@ sys.exit(run(Shown, log="shown" if WISH == "talk" else ""))
 @contextmanager
 def shown(wish: str, *args: str, **variables: str) -> Iterator[subprocess.Popen[str]]:
     """A process that prints every tick; killed on the way out if it still lives."""
-    inherited = {name: value for name, value in os.environ.items() if name not in (TRANSPORTS, PROFILES, RANGE, PEERS)}
+    ours = TRANSPORTS, PROFILES, RANGE, PEERS, ONLY_LOCALHOST
+    inherited = {name: value for name, value in os.environ.items() if name not in ours}
     process = subprocess.Popen(
         [sys.executable, "-c", PROGRAM, wish, *args],
         env={**inherited, "ROS_DOMAIN_ID": str(1 + os.getpid() % 100), **variables},
@@ -90,6 +96,23 @@ def test_a_signal_closes_the_node_and_is_a_success(number: signal.Signals):
         assert process.returncode == 0
         assert out.endswith("closed\n")
         assert err == ""
+
+
+def test_a_thread_of_a_single_node_too_lets_its_callbacks_run_soon():
+    with shown("say how long a thread keeps others waiting") as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "tick 1\n"
+        assert float(process.stdout.readline()) == pytest.approx(SWITCH_S)
+
+
+def test_an_answer_that_a_node_owes_at_its_end_is_given():
+    with shown("owe an answer") as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "tick 1\n"
+        process.send_signal(signal.SIGINT)
+        out, _ = process.communicate(timeout=120)
+        assert process.returncode == 0
+        assert out.endswith("closed\nanswered\n")
 
 
 def test_the_node_may_end_itself_with_a_code():
@@ -179,9 +202,10 @@ def test_a_mistake_of_the_user_is_one_line_and_exit_code_2(wish: str, args: list
     [
         ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}, False),
         ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}, False),
+        ({"ROS_LOCALHOST_ONLY": "1"}, False),
         ({"FASTDDS_BUILTIN_TRANSPORTS": "DEFAULT"}, True),
     ],
-    ids=["in the network", "on this machine", "where the user has chosen it"],
+    ids=["in the network", "on this machine", "on this machine, the older way", "where the user has chosen it"],
 )
 def test_no_memory_is_shared_with_other_processes(variables: dict[str, str], shared: bool):
     with shown("run", **variables) as process:

@@ -29,6 +29,16 @@ def test_on_one_machine_a_profile_stands_in_for_the_range_that_brings_shared_mem
     assert "127.0.0.1" in Path(LOCALHOST).read_text()
 
 
+@pytest.mark.parametrize("more", [{}, ON_THIS_MACHINE, {"ROS_STATIC_PEERS": "10.0.0.1"}])
+def test_the_older_word_for_one_machine_brings_no_shared_memory_either(more: dict[str, str]):
+    assert after({"ROS_LOCALHOST_ONLY": "1", **more}) == after(ON_THIS_MACHINE)  # the others do not count
+
+
+@pytest.mark.parametrize("word", ["0", "", "true"])
+def test_another_value_of_the_older_word_means_nothing(word: str):
+    assert after({"ROS_LOCALHOST_ONLY": word}) == {"ROS_LOCALHOST_ONLY": word, **after({})}
+
+
 def test_our_transport_of_a_process_does_not_count_as_the_users_choice_for_its_children():
     assert after({**after({}), **ON_THIS_MACHINE}) == after(ON_THIS_MACHINE)
     assert after(after(ON_THIS_MACHINE)) == after(ON_THIS_MACHINE)
@@ -43,7 +53,7 @@ def test_peers_that_the_user_names_are_kept():
     "chosen", [{"FASTDDS_BUILTIN_TRANSPORTS": "DEFAULT"}, {"FASTRTPS_DEFAULT_PROFILES_FILE": "mine.xml"}]
 )
 def test_the_users_transport_is_kept(chosen: dict[str, str]):
-    stated = {**ON_THIS_MACHINE, **chosen}
+    stated = {**ON_THIS_MACHINE, "ROS_LOCALHOST_ONLY": "1", **chosen}
     assert after(stated) == stated
 
 

@@ -25,9 +25,11 @@ class Consumer:
     every step."""
 
     def __init__(self, timeout_s: float = TIMEOUT_S, *, gated: bool = False) -> None:
-        """gated: all commands pass the command gate, which limits their speed and lets a stopped robot move out: a STOP
+        """timeout_s: silence, s, after which to brake; above 0.1 s an assumption of the stopping theorem is broken.
+
+        gated: all commands pass the command gate, which limits their speed and lets a stopped robot move out: a STOP
         with a speed scale above 0 then allows motion. Raises ValueError for an invalid timeout."""
-        if not 0.0 < timeout_s < inf:
+        if isinstance(timeout_s, bool) or not 0.0 < timeout_s < inf:
             raise ValueError(f"the timeout must be positive and finite, got {timeout_s!r} s")
         self._timeout_s, self._gated = timeout_s, gated
         self._sequence_s = max(timeout_s, TIMEOUT_S)  # several verdicts of the slowest supervisor

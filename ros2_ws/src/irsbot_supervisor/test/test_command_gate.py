@@ -17,7 +17,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from irsbot_msgs_py.records import Floats, JointSample, Level
 from irsbot_supervisor.core.supervisor import Supervisor
-from irsbot_supervisor.nodes import commands
+from irsbot_supervisor.nodes import certifier, commands
 
 pytestmark = pytest.mark.ros
 
@@ -76,6 +76,16 @@ def test_a_stop_that_comes_while_a_motion_is_put_into_a_message_has_the_last_wor
     opened.until_said(3)
     assert opened.motions == [1, 1, 1]
     opened.until_logged("a stop came")
+
+
+def test_the_thread_that_certifies_keeps_behind_the_others(opened: Opened, monkeypatch: pytest.MonkeyPatch):
+    behind: list[str] = []
+    monkeypatch.setattr(certifier, "step_behind", lambda: behind.append(current_thread().name))
+    pause = Pause(monkeypatch)
+    opened.go(near_by(opened))
+    assert pause.reached.wait(PATIENCE_S)
+    assert behind == ["command gate"]
+    pause.go_on.set()
 
 
 def test_nothing_follows_the_end_of_an_activation(opened: Opened, monkeypatch: pytest.MonkeyPatch):

@@ -137,7 +137,7 @@ def test_a_repeated_verdict_is_none():
     assert consumer.allowed(110 * MS) == 0.0
 
 
-@pytest.mark.parametrize("timeout_s", [0.0, -1.0, nan, inf])
+@pytest.mark.parametrize("timeout_s", [0.0, -1.0, nan, inf, True])
 def test_a_timeout_that_is_none_is_refused(timeout_s: float):
     with pytest.raises(ValueError, match="timeout"):
         Consumer(timeout_s)
@@ -173,8 +173,27 @@ def test_it_never_allows_motion_that_the_levels_forbid(gated: bool):
 
 MAIN = """
 #include <cstdio>
+#include <limits>
+#include <stdexcept>
+#include <type_traits>
 #include "consumer.hpp"
+
+template <typename... T> constexpr bool kMade = std::is_constructible_v<irsbot::Consumer, T...>;
+static_assert(kMade<> && kMade<double> && kMade<int> && kMade<double, bool>);
+static_assert(!kMade<bool> && !kMade<bool, bool>, "true is no time-out");
+
+bool is_refused(double timeout_s) {
+  try {
+    irsbot::Consumer consumer(timeout_s);
+  } catch (const std::invalid_argument &) {
+    return true;
+  }
+  return false;
+}
+
 int main(int argc, char **) {
+  using Limits = std::numeric_limits<double>;
+  for (double timeout_s : {0.0, -1.0, Limits::quiet_NaN(), Limits::infinity()}) if (!is_refused(timeout_s)) return 3;
   irsbot::Consumer consumer(0.1, argc > 1);
   int level; unsigned long long sequence; double scale, age; long long now;
   while (std::scanf("%d %llu %lf %lld %lf", &level, &sequence, &scale, &now, &age) == 5) {

@@ -201,6 +201,28 @@ def test_drives_that_do_not_follow_are_reported(served: Served):
     assert goal.result.error_string.startswith("the drives did not get there: joint_1 ")
 
 
+@pytest.mark.parametrize(
+    ("stated", "outcome"),
+    [
+        ((0.0, 0.0), "abort"),  # the default
+        ((5.0, 5.0), "succeed"),
+        ((-1.0, -1.0), "succeed"),  # erased: may deviate without restriction
+        ((-1.0, 0.0), "abort"),
+        ((-2.0, -2.0), "abort"),
+        ((float("nan"), float("nan")), "abort"),
+    ],
+)
+def test_the_goal_says_how_far_from_it_the_robot_may_end(served: Served, stated: Floats, outcome: str):
+    goal = FakeGoal(joints_of(served.supervisor, 0.05, -0.82))
+    names = goal.request.trajectory.joint_names
+    goal.request.goal_tolerance = [
+        SimpleNamespace(name=name, position=position) for name, position in zip(names, stated, strict=True)
+    ]
+    served.send(goal)
+    served.drive(goal, stuck=True)
+    assert goal.outcome == outcome
+
+
 def test_a_supervisor_that_is_not_active_takes_no_goal_and_drops_the_one_it_has(served: Served):
     first, second = (FakeGoal(joints_of(served.supervisor, 0.05, -0.82)) for _ in range(2))
     served.send(first)

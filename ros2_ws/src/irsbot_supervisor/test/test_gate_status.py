@@ -53,10 +53,7 @@ class Client:
         self.gate = CommandGate(served, supervisor.settings, supervisor.robot, supervisor, self.errors.append)
         self.gate.open()
         self.node = node = self._nodes[1]
-        lasting = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        node.create_subscription(
-            GateStatusMsg, "supervisor/gate", lambda m: self.statuses.append(gate_status_record(m)), lasting
-        )
+        self.listen(self.statuses)
         self._velocity = node.create_publisher(Float64MultiArray, "velocity_in", 10)
         self._trajectory = node.create_publisher(JointTrajectory, "command_in", 10)
         self._executor = SingleThreadedExecutor(context=context)
@@ -65,6 +62,13 @@ class Client:
         self.until(lambda: self._velocity.get_subscription_count() and self._trajectory.get_subscription_count())
         self.heard(GateReason.NO_COMMAND)  # who comes late hears of the opening
         self.statuses.clear()
+
+    def listen(self, statuses: list[GateStatus]) -> None:
+        """Collect what the gate says from now on, and what it keeps for those who come late."""
+        lasting = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.node.create_subscription(
+            GateStatusMsg, "supervisor/gate", lambda m: statuses.append(gate_status_record(m)), lasting
+        )
 
     def until(self, happened: Callable[[], Any]) -> None:
         deadline = time.monotonic() + PATIENCE_S
@@ -245,6 +249,20 @@ def test_velocities_are_answered_when_the_answer_changes_and_trajectories_each_t
             client.trajectory((0.1,), names=("joint_1",))
         client.until(lambda: len(client.statuses) >= 2)
         assert {status.reason for status in client.statuses} == {GateReason.INVALID}
+    finally:
+        client.close()
+
+
+def test_who_comes_late_learns_of_the_newest_command_alone(context, clock):
+    client, late = standing(context), list[GateStatus]()
+    try:
+        client.velocity(0.1, 0.0)
+        client.heard(GateReason.NONE)
+        client.listen(late)
+        client.until(lambda: late)
+        client.velocity(np.nan, 0.0)
+        client.until(lambda: late[-1].reason == GateReason.INVALID)
+        assert [status.reason for status in late] == [GateReason.NONE, GateReason.INVALID]
     finally:
         client.close()
 

@@ -30,13 +30,13 @@ pytestmark = pytest.mark.ros
 
 
 def test_markers_show_level_margin_cause_and_the_way_out(wire: Wire):
-    cell = Cell(wire, base_frame="cell")
+    cell = Cell(wire, base_frame="cell", frame_prefix="left/")
     drawn: list[dict[int, Marker]] = []
     heard = lambda message: drawn.append({marker.id: marker for marker in message.markers})  # noqa: E731
     cell.node.create_subscription(MarkerArray, "supervisor/markers", heard, 1)
     cell.heard_level(Level.OK)
     wire.until(lambda: drawn and 1 in drawn[-1] and "OK" in drawn[-1][1].text)
-    assert {marker.header.frame_id for marker in drawn[-1].values()} == {"cell"}
+    assert {marker.header.frame_id for marker in drawn[-1].values()} == {"left/cell"}
     platform, text, arrow = (drawn[-1][number] for number in range(3))
     place = platform.pose.position
     assert (place.x, place.y, place.z) == pytest.approx((0.0, 0.0, -0.85), abs=1e-9)

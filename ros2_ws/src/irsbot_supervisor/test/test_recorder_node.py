@@ -20,7 +20,7 @@ import rclpy
 from irsbot_msgs.msg import RecorderHealth as RecorderHealthMsg
 from irsbot_msgs.msg import Verdict as VerdictMsg
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
@@ -158,6 +158,25 @@ def test_everything_that_was_sent_is_in_the_bag_when_a_signal_closes_it(scene: S
     last = scene.health[-1]
     assert (last.state, last.messages_dropped, last.file) == (RecorderState.RECORDING, 0, f"{scene.bag}/bag_0.mcap")
     assert last.bytes_free > 0
+
+
+def test_samples_that_are_offered_best_effort_alone_are_recorded(scene: Scene):
+    scene.node.destroy_publisher(scene.samples)
+    scene.start()
+    scene.until(lambda: scene.health)  # the recorder is there before the driver
+    best_effort = QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
+    scene.samples = scene.node.create_publisher(JointState, "joint_states", best_effort)
+    scene.until_listening()
+    scene.send(range(300))
+    scene.node.destroy_publisher(scene.samples)
+    scene.samples = scene.node.create_publisher(JointState, "joint_states", 1000)  # it comes back, and is reliable
+    scene.until_listening()
+    scene.send(range(300, 600))
+    scene.until(lambda: scene.health[-1].messages_written >= 400)  # best effort may lose some
+    assert scene.end(signal.SIGINT)[0] == 0
+    recorded = scene.recorded()
+    assert min(recorded) < 300 <= max(recorded)
+    assert recorded == sorted(set(recorded))
 
 
 def test_the_black_box_keeps_only_the_time_around_a_stop(scene: Scene):

@@ -176,7 +176,7 @@ def test_simulated_time_may_pause_and_start_again(wire: Wire):
 
 def test_plain_listeners_hear_whether_motion_is_safe_and_notice_silence(wire: Wire):
     """A gateway that knows no irsbot_msgs, and asks for a deadline and for signs of life."""
-    cell = Cell(wire)
+    cell = Cell(wire, autostart=False)
     heard: list[bool] = []
     missed: list[object] = []
     promise = Duration(seconds=0.1)
@@ -192,6 +192,10 @@ def test_plain_listeners_hear_whether_motion_is_safe_and_notice_silence(wire: Wi
     cell.node.create_subscription(Bool, "supervisor/safe", lambda m: heard.append(m.data), qos, event_callbacks=events)
     verdicts: list[VerdictMessage] = []
     cell.node.create_subscription(VerdictMessage, "supervisor/verdict", verdicts.append, qos)
+    wire.until(lambda: heard, "a supervisor that was never active")
+    assert (heard, verdicts) == ([False], [])
+    assert cell.change(Transition.TRANSITION_CONFIGURE)
+    assert cell.change(Transition.TRANSITION_ACTIVATE)
     cell.heard_level(Level.OK)
     wire.until(lambda: heard and heard[-1] and verdicts)
     cell.say = lambda t: None

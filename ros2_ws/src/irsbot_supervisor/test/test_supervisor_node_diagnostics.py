@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -12,10 +13,13 @@ pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
 from cell import HIGH, PERIOD_S, STRICT, Cell, Statuses, Wire, bad, resting, statuses_of
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from irsbot_msgs.msg import SingularityState as StateMessage
 from irsbot_msgs.msg import Verdict as VerdictMessage
 from rclpy.duration import Duration
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool, Float64MultiArray
+from trajectory_msgs.msg import JointTrajectory
 
 from irsbot_supervisor.core.stop_monitor import MeasuredStop
 from irsbot_supervisor.nodes.diagnostics import DiagnosticsPublisher
@@ -36,6 +40,7 @@ def test_diagnostics_have_one_status_per_check(cell: Cell, diagnostics: Statuses
         "joint states units",
         "joint states publishers",
         "verdict subscribers",
+        "other topics",
         "judging",
         "stops",
         "calls",
@@ -118,3 +123,28 @@ def test_partners_that_ask_for_or_offer_another_quality_of_service_are_reported(
     cell.wire.until(lambda: diagnostics[-1]["verdict subscribers"][0] == b"\x00")
     cell.logged("/fieldbus")
     cell.logged("/drive")
+
+
+@pytest.mark.parametrize(
+    ("topic", "kind", "publishes"),
+    [
+        ("supervisor/safe", Bool, False),
+        ("supervisor/state", StateMessage, False),
+        ("command_out", JointTrajectory, False),
+        ("velocity_out", Float64MultiArray, False),
+        ("command_in", JointTrajectory, True),
+        ("velocity_in", Float64MultiArray, True),
+    ],
+)
+def test_partners_on_every_other_topic_too(cell: Cell, diagnostics: Statuses, topic: str, kind: Any, publishes: bool):
+    best_effort = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+    sooner = QoSProfile(depth=1, deadline=Duration(seconds=0.01))  # than is promised, if anything is
+    with cell.company("partner") as partner:
+        if publishes:
+            partner.create_publisher(kind, topic, best_effort)
+        else:
+            partner.create_subscription(kind, topic, lambda message: None, sooner)
+        cell.wire.until(lambda: diagnostics and diagnostics[-1]["other topics"][0] == DiagnosticStatus.ERROR)
+        assert diagnostics[-1]["other topics"][1].startswith(f"do not fit: /{topic}: /partner (")
+    cell.wire.until(lambda: diagnostics[-1]["other topics"][0] == DiagnosticStatus.OK)
+    cell.logged(f"/{topic}: /partner (")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -18,6 +19,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from irsbot_msgs.srv import BypassStop
 from lifecycle_msgs.msg import Transition
 from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import GetParameters, ListParameters, SetParameters
 from rclpy.parameter import Parameter, get_parameter_value, parameter_dict_from_yaml_file, parameter_value_to_python
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -28,7 +30,8 @@ import irsbot_kinematics as irs
 from irsbot_msgs_py.records import Bypass, Cause, Level
 from irsbot_supervisor.bag.journal import read_entry
 from irsbot_supervisor.configuration.loading import read_settings
-from irsbot_supervisor.nodes.parameters import declare_settings
+from irsbot_supervisor.nodes.callers import Callers
+from irsbot_supervisor.nodes.parameters import ChangingSettings, declare_settings
 
 pytestmark = pytest.mark.ros
 
@@ -271,6 +274,23 @@ def test_locked_settings_change_before_the_first_activation_alone(wire: Wire):
     assert cell.change(Transition.TRANSITION_ACTIVATE)
     assert cell.heard_many(3)[-1].config_hash == before
     assert not cell.set(lock_settings=False)[0]
+
+
+def test_a_client_that_is_refused_again_and_again_does_not_have_the_graph_searched_each_time():
+    searched: list[str] = []
+    log: list[str] = []
+    node: Any = SimpleNamespace(
+        resolve_service_name=str,
+        get_node_names_and_namespaces=lambda: searched.append("the graph") or [],
+        get_logger=lambda: SimpleNamespace(warning=lambda text, **_: log.append(text)),
+    )
+    changing = ChangingSettings.__new__(ChangingSettings)
+    changing._node, changing._callers = node, Callers(node)
+    for _ in range(100):
+        changing._told([ParameterMessage(name="type2_stop")], SetParametersResult(successful=False, reason="too large"))
+    assert changing._callers.counts["parameter calls refused"] == 100
+    assert log[0].startswith("type2_stop refused, called by ")
+    assert 1 <= len(searched) < 50
 
 
 def test_calls_of_strangers_are_logged_with_who_may_have_been_it_and_counted(wire: Wire):

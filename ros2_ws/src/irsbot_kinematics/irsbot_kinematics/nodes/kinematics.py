@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 import sys
 import time
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from itertools import chain
+from typing import Any, TypeVar
 
 from irsbot_msgs.srv import EvaluateJoints, SolveDirect, SolveInverse
 from rcl_interfaces.msg import ParameterDescriptor
@@ -15,7 +16,7 @@ from rclpy.node import Node
 from irsbot_kinematics import arguments
 from irsbot_kinematics.errors import BadInput, KinematicsError, NotAssembled
 from irsbot_kinematics.mechanism import meant
-from irsbot_kinematics.requests import solve_direct, solve_inverse
+from irsbot_kinematics.requests import DirectAnswer, InverseAnswer, solve_direct, solve_inverse
 from irsbot_kinematics.robot import Robot, load_robot, make_robot
 from irsbot_msgs_py.convert import state_msg
 from irsbot_msgs_py.process.run import run
@@ -27,6 +28,11 @@ MOST = 20_000
 
 BUSY_S = 1.0
 """s: longest time for one request. A posture takes from 0.03 ms to 1.5 ms, depending on the robot."""
+
+SLICE = 100
+"""Postures or poses that are solved between two looks at the clock."""
+
+Solved = TypeVar("Solved", InverseAnswer, DirectAnswer)
 
 
 class KinematicsNode(Node):
@@ -64,7 +70,8 @@ class KinematicsNode(Node):
         response.message = too_many(len(request.poses), len(self._robot.mechanism.task), "poses")
         if response.message:
             return response
-        answer = solve_inverse(self._robot, request.poses, tuple(request.working_mode))
+        mode, width = tuple(request.working_mode), len(self._robot.mechanism.task)
+        answer = in_time(lambda poses: solve_inverse(self._robot, poses, mode), request.poses, width, "poses")
         response.joints, response.status = answer.joints, answer.status
         response.reach, response.message = answer.reach, answer.message
         return response
@@ -73,7 +80,10 @@ class KinematicsNode(Node):
         response.message = too_many(len(request.joints), len(self._robot.mechanism.joints), "postures")
         if response.message:
             return response
-        answer = solve_direct(self._robot, request.joints, request.assembly_mode, tuple(request.seed))
+        mode, seed, width = request.assembly_mode, tuple(request.seed), len(self._robot.mechanism.joints)
+        answer = in_time(
+            lambda joints: solve_direct(self._robot, joints, mode, seed), request.joints, width, "postures"
+        )
         response.poses, response.status, response.gap = answer.poses, answer.status, answer.gap
         response.assembly_mode, response.message = answer.assembly_mode, answer.message
         return response
@@ -97,7 +107,7 @@ class KinematicsNode(Node):
         times, states, failed = (now_ns, now_ns, seen_ns), [], ""
         for number, row in enumerate(rows):
             if time.monotonic_ns() - seen_ns > BUSY_S * NS_PER_S:
-                response.message = f"{BUSY_S:g} s were enough for {number} of {len(rows)} postures: ask for fewer"
+                response.message = too_slow(number, len(rows), "postures")
                 return response
             try:
                 states.append(evaluation(self._robot, row, assembly, times, number))
@@ -109,10 +119,31 @@ class KinematicsNode(Node):
 
 
 def too_many(numbers: int, width: int, what: str) -> str:
-    """Reason to refuse a request that is too large, or nothing. numbers: the flat list, `width` per item."""
+    """Reason to refuse a request that is too large; else empty. numbers: the flat list, `width` per item."""
     if numbers <= MOST * width:
         return ""
     return f"at most {MOST} {what} in one request, got {-(-numbers // width)}: ask in parts"
+
+
+def too_slow(done: int, number: int, what: str) -> str:
+    """Message of a request that has taken BUSY_S."""
+    return f"{BUSY_S:g} s were enough for {done} of {number} {what}: ask for fewer"
+
+
+def in_time(solve: Callable[[Sequence[float]], Solved], numbers: Sequence[float], width: int, what: str) -> Solved:
+    """The answer to a flat list with `width` numbers per item; empty, with a message, if it takes longer than
+    BUSY_S."""
+    begin_ns, step = time.monotonic_ns(), SLICE * width
+    if len(numbers) <= step or len(numbers) % width:
+        return solve(numbers)
+    parts: list[Solved] = []
+    for first in range(0, len(numbers), step):
+        if time.monotonic_ns() - begin_ns > BUSY_S * NS_PER_S:
+            message = too_slow(first // width, len(numbers) // width, what)
+            return type(parts[0])._make([*([] for _ in parts[0][:-1]), message])
+        parts.append(solve(numbers[first : first + step]))
+    *columns, messages = zip(*parts, strict=True)
+    return type(parts[0])._make([*(list(chain.from_iterable(column)) for column in columns), messages[0]])
 
 
 def evaluation(

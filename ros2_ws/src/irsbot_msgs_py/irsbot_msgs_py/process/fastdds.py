@@ -18,6 +18,9 @@ TRANSPORTS, PROFILES = "FASTDDS_BUILTIN_TRANSPORTS", "FASTRTPS_DEFAULT_PROFILES_
 
 RANGE, PEERS = "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_STATIC_PEERS"
 
+ONLY_LOCALHOST = "ROS_LOCALHOST_ONLY"
+"""With the value 1 the range is LOCALHOST, and rcl ignores RANGE and PEERS. Deprecated since ROS 2 Iron."""
+
 NETWORK, LOCALHOST = (str(Path(__file__).with_name(f"{name}.xml")) for name in ("network", "localhost"))
 
 
@@ -30,6 +33,10 @@ def choose_transport(environment: MutableMapping[str, str], middleware: str) -> 
     chosen = environment.get(TRANSPORTS) or environment.get(PROFILES, NETWORK) not in (NETWORK, LOCALHOST)
     if chosen or not middleware.startswith("rmw_fastrtps"):
         return
+    if environment.get(ONLY_LOCALHOST) == "1":
+        del environment[ONLY_LOCALHOST]
+        environment.pop(PEERS, None)
+        environment[RANGE] = "LOCALHOST"
     if environment.get(RANGE, "").upper() == "LOCALHOST" and not environment.get(PEERS):
         environment[RANGE], environment[PROFILES] = "SYSTEM_DEFAULT", LOCALHOST
     elif environment.get(PROFILES) != LOCALHOST:

@@ -4,6 +4,7 @@ its messages."""
 from __future__ import annotations
 
 import os
+from contextlib import suppress
 from pathlib import Path
 
 from irsbot_msgs_py.process.usage import UsageError
@@ -37,6 +38,16 @@ def take_priority(priority: int) -> str:
     except (OSError, AttributeError) as error:  # not permitted, or not Linux
         return NO_PRIORITY.format(getattr(error, "strerror", None) or error)
     return ""
+
+
+def step_behind() -> None:
+    """Lower the real-time priority of this thread to one below that of the main thread, if both have the same and it is
+    above 1. A thread that computes for long calls this: at the same priority it would keep the processor from the
+    others; without any, other programs would delay it while it holds the interpreter's lock, and with it the others."""
+    with suppress(OSError, AttributeError):  # a lower one needs no permission
+        main = os.sched_getparam(os.getpid()).sched_priority
+        if priority_now() == main > 1:
+            os.sched_setparam(0, os.sched_param(main - 1))
 
 
 def priority_now() -> int:

@@ -6,12 +6,17 @@ one of them, unless it has already gone.
 
 from __future__ import annotations
 
+import time
 from collections import Counter
+from math import inf
 
 from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 
 from irsbot_supervisor.nodes.graph_monitor import GraphFault
+
+SAID_S = 1.0
+"""s between two log lines of refused calls of a kind: a client that asks without end gets answers, but no log lines."""
 
 
 class Callers:
@@ -21,11 +26,21 @@ class Callers:
         self._node = node
         self.counts: Counter[str] = Counter()
         self._told = 0  # refused calls at the last report
+        self._said_s: dict[str, float] = {}  # when a refused call of a kind was logged last, steady clock
 
     def count(self, what: str, accepted: bool) -> None:
         """Count one more call. what: its kind, for instance `resets`."""
         self.counts[what] += 1
         self.counts[f"{what} refused"] += not accepted
+
+    def is_due(self, what: str) -> bool:
+        """True if a refused call of this kind is to be logged now. Ask before `who`, which takes time where there are
+        many nodes."""
+        now_s = time.monotonic()
+        due = now_s - self._said_s.get(what, -inf) > SAID_S
+        if due:
+            self._said_s[what] = now_s
+        return due
 
     def who(self, *services: str) -> str:
         """The nodes that have a client of one of these services, as text."""
@@ -42,7 +57,7 @@ class Callers:
         return f"called by {nodes}"
 
     def report(self) -> GraphFault:
-        """True if calls were refused since the last report."""
+        """Finding on calls that were refused since the last report."""
         refused = sum(number for what, number in self.counts.items() if what.endswith("refused"))
         fresh, self._told = refused - self._told, refused
         if not fresh:

@@ -8,6 +8,7 @@ from threading import Thread
 from typing import NamedTuple
 
 from irsbot_msgs_py.gate_status import GateReason
+from irsbot_msgs_py.process.priority import step_behind
 from irsbot_supervisor.gate.answer import Answer, held
 from irsbot_supervisor.gate.trajectory_gate import GatedMotion, MotionGate, Situation
 from irsbot_supervisor.trajectory.joint_path import Command, JointPath
@@ -66,6 +67,7 @@ class Certifier:
 
     def _run(self) -> None:
         while (task := self._work.get()) is not None:
+            step_behind()
             try:
                 motion = self.motions.motion(task.command, task.situation)
             except Exception as error:  # an error inside holds the robot

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from math import isfinite, tau
+from math import inf, isfinite, tau
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.clock import Clock, ClockType
@@ -64,20 +64,21 @@ class DiagnosticsPublisher:
         self._node, self._supervisor, self._graph_monitor, self._samples = node, supervisor, graph_monitor, samples
         self._judging, self._callers = judging, callers
         self._skipped = 0  # until the last report
-        self._counted = (time.monotonic_ns(), 0, 0)  # at the last report: steady clock, samples, verdicts
+        self._counted = (time.monotonic_ns(), 0, 0)  # at the last turn: steady clock, samples, verdicts
         self._publisher = publisher(node, DiagnosticArray, "/diagnostics", 10)
         steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
         node.create_timer(PERIOD_S, guarded(self._report, fail), clock=steady)
 
     def forget(self) -> None:
-        """An inactive supervisor reports nothing."""
+        """An inactive supervisor reports nothing, and rates count from its next activation on."""
+        self._rates()
         self.verdict = self.state = None
 
     def _report(self) -> None:
-        verdict = self.verdict
+        verdict, rates = self.verdict, self._rates()
         if verdict is None:
             return
-        values = self._values(verdict)
+        values = self._values(verdict, *rates)
         message = DiagnosticArray()
         message.header.stamp = self._node.get_clock().now().to_msg()
         for check, causes in CHECKS.items():
@@ -106,16 +107,20 @@ class DiagnosticsPublisher:
         status.values = [KeyValue(key=key, value=_stated(value)) for key, value in values.items()]
         return status
 
-    def _values(self, verdict: Verdict) -> dict[str, dict[str, object]]:
+    def _rates(self) -> tuple[float, float]:
+        """Samples and verdicts per second since the last call."""
+        then_ns, judged, told = self._counted
+        self._counted = (
+            time.monotonic_ns(),
+            self.state.sequence if self.state else judged,
+            self.verdict.sequence if self.verdict else told,
+        )
+        passed_s = (self._counted[0] - then_ns) / NS_PER_S or inf
+        return (self._counted[1] - judged) / passed_s, (self._counted[2] - told) / passed_s
+
+    def _values(self, verdict: Verdict, samples_hz: float, verdicts_hz: float) -> dict[str, dict[str, object]]:
         """Values of the checks, by check."""
         now_ns, state = time.monotonic_ns(), self.state
-        passed_s = (now_ns - self._counted[0]) / NS_PER_S
-        judged = state.sequence if state else 0
-        samples_hz, verdicts_hz = (
-            (judged - self._counted[1]) / passed_s,
-            (verdict.sequence - self._counted[2]) / passed_s,
-        )
-        self._counted = now_ns, judged, verdict.sequence
         rejected = {f"rejected {c.name}": count for c, count in self._supervisor.rejections.items()}
         found: dict[str, dict[str, object]] = {
             "joint states": {

@@ -9,6 +9,7 @@ again and again without a pause.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import inf
 from typing import Any, NamedTuple
 
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
@@ -28,6 +29,9 @@ FEEDBACK_NS = 50_000_000
 
 TOLERANCE = 0.01
 """rad or m: goal tolerance of each joint if the goal has none."""
+
+ERASED = -1.0
+"""A goal tolerance with which the joint may deviate without restriction (control_msgs/JointTolerance)."""
 
 LATE_S = 1.0
 """s after its planned end at which a motion has failed, if the goal does not say it."""
@@ -139,9 +143,10 @@ class FollowServer:
         return self._supervisor.settings.joint_names
 
     def _tolerances(self) -> list[float]:
-        """Tolerance per joint, from the goal; 0 means not given."""
+        """Tolerance per joint, rad or m, from the goal; no number above 0 means not given."""
         stated = {tolerance.name: tolerance.position for tolerance in self._goal.request.goal_tolerance}
-        return [stated[name] if stated.get(name, 0.0) > 0.0 else TOLERANCE for name in self._names()]
+        found = (inf if stated.get(name) == ERASED else stated.get(name, 0.0) for name in self._names())
+        return [tolerance if tolerance > 0.0 else TOLERANCE for tolerance in found]
 
     def _patience_s(self) -> float:
         span = self._goal.request.goal_time_tolerance

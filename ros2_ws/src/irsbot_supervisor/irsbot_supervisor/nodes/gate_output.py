@@ -30,7 +30,7 @@ from irsbot_supervisor.trajectory.joint_path import JointPath
 DEPTH = 10
 """Number of commands that may wait; only the newest counts."""
 
-LASTING = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+LASTING = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """Quality of service of the gate's status: a late subscriber gets the newest message."""
 
 HEARD_S = 0.2

@@ -1,4 +1,4 @@
-"""Publishers of joint states and subscribers of verdicts, and the compatibility of their QoS."""
+"""Publishers and subscribers of the topics of the supervisor, and the compatibility of their QoS."""
 
 from __future__ import annotations
 
@@ -9,6 +9,9 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from rclpy.node import Node
 from rclpy.qos import QoSCompatibility, QoSProfile, qos_check_compatible
 from rclpy.topic_endpoint_info import TopicEndpointInfo
+
+OUTPUTS, INPUTS = ("~/safe", "~/state", "command_out", "velocity_out"), ("command_in", "velocity_in")
+"""Topics of which only a mismatch is reported."""
 
 
 class GraphFault(NamedTuple):
@@ -29,7 +32,7 @@ class GraphMonitor:
         self._known: set[bytes] = set()  # publishers of joint states at the last look, by the middleware's number
 
     def look(self) -> list[GraphFault]:
-        """One finding per topic."""
+        """Findings on joint states, on verdicts, and on the other topics."""
         samples, verdicts = map(self._node.resolve_topic_name, ("joint_states", "~/verdict"))
         publishers, subscribers = self._node.get_publishers_info_by_topic, self._node.get_subscriptions_info_by_topic
         asked, offered = self._ours(subscribers(samples)), self._ours(publishers(verdicts))
@@ -38,12 +41,23 @@ class GraphMonitor:
         if len(now) > 1:
             self._counts["second publishers of joint states"] += len(now - self._known) - (not self._known)
         self._known = now
-        found = [_of_publishers(ends, asked), _of_subscribers(subscribers(verdicts), offered)]
+        found = [_of_publishers(ends, asked), _of_subscribers(subscribers(verdicts), offered), self._others()]
         for finding in found:
             if finding.level != DiagnosticStatus.OK and finding not in self._before:
                 self._node.get_logger().warning(f"{finding.name}: {finding.text}")
         self._before = found
         return found
+
+    def _others(self) -> GraphFault:
+        publishers, subscribers = self._node.get_publishers_info_by_topic, self._node.get_subscriptions_info_by_topic
+        unfit = []
+        for topic in map(self._node.resolve_topic_name, OUTPUTS):
+            unfit += [f"{topic}: {end}" for end in _deaf(subscribers(topic), self._ours(publishers(topic)))]
+        for topic in map(self._node.resolve_topic_name, INPUTS):
+            unfit += [f"{topic}: {end}" for end in _mute(publishers(topic), self._ours(subscribers(topic)))]
+        if unfit:
+            return GraphFault("other topics", DiagnosticStatus.ERROR, f"do not fit: {'; '.join(unfit)}")
+        return GraphFault("other topics", DiagnosticStatus.OK, "every quality of service fits")
 
     def _ours(self, ends: list[TopicEndpointInfo]) -> list[QoSProfile]:
         """The QoS profile as the middleware completes it, not as it was requested."""
@@ -53,7 +67,7 @@ class GraphMonitor:
 
 def _of_publishers(publishers: list[TopicEndpointInfo], asked: list[QoSProfile]) -> GraphFault:
     name = "joint states publishers"
-    if mute := [text for end in publishers for qos in asked if (text := _mismatch(end, end.qos_profile, qos))]:
+    if mute := _mute(publishers, asked):
         return GraphFault(name, DiagnosticStatus.ERROR, f"not heard: {'; '.join(mute)}")
     if len(publishers) > 1:
         who = ", ".join(sorted(f"{_name(end)} ({bytes(end.endpoint_gid).hex()})" for end in publishers))
@@ -65,9 +79,19 @@ def _of_publishers(publishers: list[TopicEndpointInfo], asked: list[QoSProfile])
 
 def _of_subscribers(subscribers: list[TopicEndpointInfo], offered: list[QoSProfile]) -> GraphFault:
     name = "verdict subscribers"
-    if deaf := [text for end in subscribers for qos in offered if (text := _mismatch(end, qos, end.qos_profile))]:
+    if deaf := _deaf(subscribers, offered):
         return GraphFault(name, DiagnosticStatus.ERROR, f"do not receive the verdict: {'; '.join(deaf)}")
     return GraphFault(name, DiagnosticStatus.OK, ", ".join(sorted(map(_name, subscribers))) or "none")
+
+
+def _mute(publishers: list[TopicEndpointInfo], asked: list[QoSProfile]) -> list[str]:
+    """Publishers that we do not hear, and why."""
+    return [text for end in publishers for qos in asked if (text := _mismatch(end, end.qos_profile, qos))]
+
+
+def _deaf(subscribers: list[TopicEndpointInfo], offered: list[QoSProfile]) -> list[str]:
+    """Subscribers that do not hear us, and why."""
+    return [text for end in subscribers for qos in offered if (text := _mismatch(end, qos, end.qos_profile))]
 
 
 def _mismatch(end: TopicEndpointInfo, offered: QoSProfile, asked: QoSProfile) -> str:

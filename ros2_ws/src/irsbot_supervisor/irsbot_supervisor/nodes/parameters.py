@@ -109,11 +109,12 @@ class ChangingSettings:
 
     def _told(self, parameters: list[ParameterMessage], result: SetParametersResult) -> None:
         """Report that a call has been answered."""
-        self._callers.count("parameter calls", result.successful)
-        if not result.successful:
+        calls = "parameter calls"
+        self._callers.count(calls, result.successful)
+        if not result.successful and self._callers.is_due(calls):
             names = ", ".join(parameter.name for parameter in parameters)
             who = self._callers.who("~/set_parameters", "~/set_parameters_atomically")
-            self._node.get_logger().warning(f"{names} refused, {who}: {result.reason}", throttle_duration_sec=1.0)
+            self._node.get_logger().warning(f"{names} refused, {who}: {result.reason}")
 
     def _check(self, parameters: list[Parameter]) -> SetParametersResult:
         try:

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import rclpy
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
 
 
 class Source(NamedTuple):
@@ -70,9 +71,11 @@ class LostMessages:
 
 
 class PolledSubscriptions:
-    """Reliable subscriptions with a deep history, on a hidden node without executor."""
+    """Subscriptions with a deep history, on a hidden node without executor. They are reliable; that of a topic whose
+    publishers all offer best effort only is best effort from then on, and hears both kinds."""
 
     def __init__(self, node: Node, sources: Sequence[Source], depth: int) -> None:
+        self._sources, self._depth = sources, depth
         self._node = rclpy.create_node(
             f"_{node.get_name()}_taps",
             namespace=node.get_namespace(),
@@ -80,10 +83,7 @@ class PolledSubscriptions:
             enable_rosout=False,
             start_parameter_services=False,
         )
-        self._subscriptions = [
-            self._node.create_subscription(source.type, source.topic, _nothing, _qos(source, depth), raw=True)
-            for source in sources
-        ]
+        self._subscriptions = [self._subscribed(source, ReliabilityPolicy.RELIABLE) for source in sources]
         self._gaps = [LostMessages(partial(self._only_publisher, source.topic)) for source in sources]
         self._late: list[Taken] = []
 
@@ -108,6 +108,9 @@ class PolledSubscriptions:
                     message = Taken(info["received_timestamp"] or begin_ns, info["source_timestamp"], source, data)
                     # later arrivals wait: messages of topics that were taken before may be older
                     (taken if message.received_ns <= begin_ns else self._late).append(message)
+            if self._unheard(source):
+                self._node.destroy_subscription(subscription)
+                self._subscriptions[source] = self._subscribed(self._sources[source], ReliabilityPolicy.BEST_EFFORT)
         taken.sort(key=_received)
         return taken
 
@@ -115,14 +118,23 @@ class PolledSubscriptions:
         """Unsubscribe."""
         self._node.destroy_node()
 
+    def _subscribed(self, source: Source, reliability: ReliabilityPolicy) -> Subscription:
+        durability = DurabilityPolicy.TRANSIENT_LOCAL if source.latched else DurabilityPolicy.VOLATILE
+        qos = QoSProfile(depth=self._depth, reliability=reliability, durability=durability)
+        return self._node.create_subscription(source.type, source.topic, _nothing, qos, raw=True)
+
+    def _unheard(self, source: int) -> bool:
+        """True if a topic is not heard because its publishers offer best effort only."""
+        subscription, topic = self._subscriptions[source], self._sources[source].topic
+        reliable = subscription.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+        if not reliable or subscription.get_publisher_count() or not self._node.count_publishers(topic):
+            return False
+        offered = {end.qos_profile.reliability for end in self._node.get_publishers_info_by_topic(topic)}
+        return offered == {ReliabilityPolicy.BEST_EFFORT}
+
     def _only_publisher(self, topic: str) -> Hashable | None:
         found = self._node.get_publishers_info_by_topic(topic)
         return tuple(found[0].endpoint_gid) if len(found) == 1 else None
-
-
-def _qos(source: Source, depth: int) -> QoSProfile:
-    durability = DurabilityPolicy.TRANSIENT_LOCAL if source.latched else DurabilityPolicy.VOLATILE
-    return QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE, durability=durability)
 
 
 def _received(message: Taken) -> int:

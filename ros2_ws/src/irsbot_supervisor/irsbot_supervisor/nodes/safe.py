@@ -28,12 +28,12 @@ PROMISED = QoSProfile(
 
 
 class SafePublisher:
-    """True below STOP, false at STOP and UNKNOWN, with every verdict; false as the last message. The publisher outlives
-    activations: a late subscriber gets the last message of an inactive supervisor."""
+    """True below STOP, false at STOP and UNKNOWN, with every verdict; false as the first and as the last message. The
+    publisher outlives activations: a late subscriber gets false from a supervisor that is inactive."""
 
     def __init__(self, node: Node) -> None:
         self._publisher = node.create_publisher(Bool, "~/safe", PROMISED)
-        self._stated = False
+        self.tell(Level.UNKNOWN)
 
     def tell(self, level: Level) -> None:
         """Publish with every verdict."""

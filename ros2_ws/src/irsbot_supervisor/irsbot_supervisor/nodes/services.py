@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -25,9 +24,6 @@ REQUESTS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 INACTIVE = "the supervisor is not active"
 """Answer while the supervisor is inactive."""
 
-SAID_S = 1.0
-"""s between two log lines of refused wishes: a client that asks without end gets answers, but no log lines."""
-
 
 class Services:
     """Answers from the core while the supervisor is active; else refuses."""
@@ -45,7 +41,6 @@ class Services:
         """take: records an operator's wish in the journal, then has it judged; None after an error."""
         self._node, self._supervisor, self._callers = node, supervisor, callers
         self._is_active, self._take, self._fail = is_active, take, fail
-        self._said_s = 0.0  # when a refused wish was logged last, steady clock
         node.create_service(ResetStop, "~/reset", self._on_reset, qos_profile=REQUESTS)
         node.create_service(BypassStop, "~/bypass", self._on_bypass, qos_profile=REQUESTS)
         check = node.create_service(CheckTrajectory, "~/check_trajectory", _served_later, qos_profile=REQUESTS)
@@ -71,11 +66,11 @@ class Services:
         step = self._take(kind(*both_clocks(self._node), *given))
         accepted = step is not None and not step.refusal
         message = step.refusal if step is not None else "an error occurred inside the supervisor"
-        self._callers.count("resets" if kind is Reset else "bypasses", accepted)
+        calls = "resets" if kind is Reset else "bypasses"
+        self._callers.count(calls, accepted)
         if accepted:
             self._node.get_logger().info(f"{what}, {self._callers.who(service)}: accepted")
-        elif time.monotonic() - self._said_s > SAID_S:
-            self._said_s = time.monotonic()
+        elif self._callers.is_due(calls):
             self._node.get_logger().info(f"{what}, {self._callers.who(service)}: {message}")
         return accepted, message
 

@@ -118,7 +118,7 @@ class SimulatedJointsNode(Node):
         return self._begun
 
     def _open(self, outlets: int) -> None:
-        """True if a second publisher is needed for a fault that is active."""
+        """Create or destroy publishers until there are this many."""
         while len(self._outlets) < outlets:
             self._outlets.append(publisher(self, JointState, "joint_states", JOINT_STATES))
         while len(self._outlets) > outlets:

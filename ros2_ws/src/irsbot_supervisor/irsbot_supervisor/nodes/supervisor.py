@@ -51,8 +51,8 @@ from irsbot_supervisor.nodes.verdict_log import VerdictLog
 
 PARAMETERS = {
     "autostart": (True, "become active at the start, without waiting for transitions"),
-    "base_frame": ("base", "frame of ~/markers"),
-    "frame_prefix": ("", "before the names of frames on /tf, as robot_state_publisher has it"),
+    "base_frame": ("base", "frame of ~/markers, without frame_prefix"),
+    "frame_prefix": ("", "before the names of frames on /tf and of ~/markers, as robot_state_publisher has it"),
     "lock_settings": (False, "settings are read-only from the first activation on"),
     "start_latched": (False, "started again after an end: level UNKNOWN until a reset"),
     PARAMETER: (PRIORITY, MEANING),
@@ -88,7 +88,7 @@ class SupervisorNode(LifecycleNode):
     def __init__(self) -> None:
         super().__init__("supervisor")
         answer_every_request(self)
-        autostart, self._frame, prefix, self._lock, self._restarted, priority = (
+        autostart, base, prefix, self._lock, self._restarted, priority = (
             self.declare_parameter(name, default, ParameterDescriptor(description=text, read_only=True)).value
             for name, (default, text) in PARAMETERS.items()
         )
@@ -117,7 +117,7 @@ class SupervisorNode(LifecycleNode):
             self, self._supervisor, graph_monitor, self._samples, self._judging, self._callers, self._fail
         )
         self._markers = MarkersPublisher(
-            self, self._robot, settings, self._supervisor, self._later, self._frame, self._fail
+            self, self._robot, settings, self._supervisor, self._later, prefix + base, self._fail
         )
         self._posture = PosturePublisher(self, self._robot, prefix, self._fail)
         self._summary = SummaryPublisher(self, self._supervisor)
