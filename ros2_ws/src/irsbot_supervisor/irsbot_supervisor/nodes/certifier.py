@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from queue import SimpleQueue
+from contextlib import suppress
+from queue import Empty, SimpleQueue
 from threading import Thread
 from typing import NamedTuple
 
@@ -55,8 +56,9 @@ class Certifier:
 
     def drop(self) -> None:
         """Drop the waiting commands."""
-        while not self._work.empty():
-            self._work.get()
+        with suppress(Empty):  # the thread takes from the same queue: to wait for a command could mean for ever
+            while True:
+                self._work.get_nowait()
 
     def end(self) -> None:
         """End the thread; a command that is still being certified is dropped."""
