@@ -259,6 +259,35 @@ def stopped() -> Supervisor:
     return supervisor
 
 
+@pytest.mark.parametrize("when", ["driven", "certified"])
+def test_a_way_out_ends_with_unknown(monkeypatch: pytest.MonkeyPatch, when: str):
+    """The level rises from STOP to UNKNOWN: a controller must not go on with a way out that it has, nor get one."""
+    supervisor = stopped()
+    last_ms = (supervisor.view.seen_ns - STEADY_NS) / MS
+    set_clock(monkeypatch, lambda: supervisor.view.seen_ns if supervisor.view else at_ns(last_ms + 1e3)[1])
+    opened = Opened(supervisor)
+    opened.gate.beat(0)
+    stated, stops = len(opened.motions), opened.gate.stops
+    pause = Pause(monkeypatch) if when == "certified" else None
+    begin, away = supervisor.view.at.joints, supervisor.escape.direction
+    opened.go(tuple(q + 0.05 * share for q, share in zip(begin, away, strict=True)))
+    if pause is None:
+        opened.until_said(stated + 1)
+        assert opened.motions[-1] > 1, "nothing passed: the test proves nothing"
+    else:
+        assert pause.reached.wait(PATIENCE_S)
+    supervisor.step(tick(last_ms + 1e3))
+    opened.gate.beat(0)
+    if pause is not None:
+        pause.go_on.set()
+        opened.until_said(stated + 2)
+    opened.gate.end()
+    assert opened.errors == []
+    assert opened.motions[-1] == 1
+    assert len(opened.motions) == stated + 2
+    assert opened.gate.stops == stops + 1
+
+
 def test_commands_before_an_activation_do_not_count_in_it(monkeypatch: pytest.MonkeyPatch):
     """A way out that had begun gives a robot that moves meanwhile no leave to go on."""
     supervisor = stopped()
