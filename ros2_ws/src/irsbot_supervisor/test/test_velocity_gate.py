@@ -14,7 +14,7 @@ from irsbot_msgs_py.gate_status import GateOutcome, GateReason
 from irsbot_msgs_py.records import Cause, Level
 from irsbot_supervisor.core.estimation.estimate import Speeds
 from irsbot_supervisor.core.estimation.observer import excess
-from irsbot_supervisor.core.margins import slopes
+from irsbot_supervisor.core.margins import margins_of, slopes
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.core.stopping import StoppingPredictor, limits_of, release_of
 from irsbot_supervisor.gate.answer import PASSED, Answer
@@ -44,12 +44,7 @@ def margins(robot: irs.Robot, settings: Settings, joints) -> np.ndarray:
 
 
 def standing(name: str, joints=None) -> GuidedRobot:
-    settings, robot = settings_of(name)
-    if joints is None:
-        joints = good_posture(name)
-    guided = GuidedRobot(robot, settings, tuple(joints))
-    for _ in range(AT_REST_BEATS):
-        guided.drift()
+    guided = at_rest(name, good_posture(name) if joints is None else joints)
     assert guided.now.level == Level.OK
     return guided
 
@@ -95,6 +90,34 @@ def stopped(name: str, seed: int, share: float = 0.9) -> GuidedRobot:
             guided.drift()
         if guided.now.level == Level.STOP:
             return guided
+
+
+def at_rest(name: str, joints, **changes) -> GuidedRobot:
+    """A robot that has been at these joint positions ever since."""
+    settings, robot = settings_of(name, **changes)
+    guided = GuidedRobot(robot, settings, tuple(joints))
+    for _ in range(AT_REST_BEATS):
+        guided.drift()
+    return guided
+
+
+def beyond(name: str, seed: int = 0) -> tuple[GuidedRobot, int]:
+    """A robot that stands a little beyond the stop limit of one margin, well within the others, and that margin."""
+    settings, robot = settings_of(name)
+    stop, rng = np.array(limits_of(settings, "stop")), np.random.default_rng(seed)
+    low = [max(joint.lower, -np.pi) for joint in robot.mechanism.joints]
+    high = [min(joint.upper, np.pi) for joint in robot.mechanism.joints]
+    while True:
+        q = rng.uniform(low, high)
+        at = robot.mechanism.posture(tuple(q.tolist()), settings.assembly_mode)
+        if at.status != irs.Status.SOLVED or at.working_mode != settings.working_mode:
+            continue
+        ratios = np.array(margins_of(at)) / stop
+        kind = int(ratios.argmin())
+        if 0.8 < ratios[kind] < 0.95 and np.sort(ratios)[1] > 2.0:
+            guided = at_rest(name, q.tolist())
+            if guided.now.level == Level.STOP and guided.way_out:
+                return guided, kind
 
 
 def causes(guided: GuidedRobot) -> list[int]:
@@ -311,6 +334,54 @@ def test_on_the_way_out_the_margin_does_not_decrease_again():
         now = margins(robot, settings, guided.drives.now.position)[kinds]
         assert (now >= gained - LOST).all()
     assert guided.now.latched
+
+
+@pytest.mark.parametrize("name", ["irsbot2", "five_bar", "orthoglide"])
+def test_a_robot_that_lost_a_margin_after_a_stop_moves_out_and_loses_no_more(name):
+    """Brakes give way, or somebody pushes: the margin is lower than the gate would ever have let it fall."""
+    guided, kind = beyond(name)
+    robot, settings = guided.supervisor.robot, guided.settings
+    speed, rng = np.array(settings.velocity_limit), np.random.default_rng(3)
+
+    def here() -> float:
+        return margins(robot, settings, guided.drives.now.position)[kind]
+
+    def led_out() -> float:
+        before = here()
+        guided.beat(tuple((0.3 * settings.recovery_share * speed * guided.way_out).tolist()))
+        return here() - before
+
+    assert led_out() > 0.0
+    for _ in range(3):  # a loss may follow every rest
+        best = here()
+        while here() > best - 2.0 * LOST:
+            guided.rush(tuple((-0.3 * settings.recovery_share * speed * guided.way_out).tolist()))
+        for _ in range(AT_REST_BEATS):
+            guided.drift()
+        assert guided.supervisor.standing
+        assert led_out() > 0.0
+        lost = here()
+        for _ in range(10):
+            guided.beat(tuple((rng.uniform(-1.0, 1.0, len(speed)) * speed).tolist()))
+            assert here() >= lost - 0.1 * LOST
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_way_out_of_which_a_joint_range_holds_a_part_loses_no_margin(seed):
+    """The motion as a whole raises the margin; joint 1, which does it, is at the end of its range."""
+    free, kind = beyond("irsbot2", seed)
+    q, at = free.drives.now.position, free.supervisor.view.at
+    slope = np.array(slopes(free.supervisor.robot.mechanism, at, kind))
+    lower, upper = [-1e6, -1e6], [1e6, 1e6]
+    (upper if slope[0] > 0.0 else lower)[0] = q[0] + 0.002 * np.sign(slope[0])
+    guided = at_rest("irsbot2", q, position_lower=lower, position_upper=upper)
+    assert guided.now.causes & Cause.POSITION
+    wanted = 0.4 * np.array((np.sign(slope[0]), -np.sign(slope[1]) * min(0.5 * abs(slope[0] / slope[1]), 1.0)))
+    assert wanted @ slope > 0.0 > wanted[1] * slope[1], "joint 2 alone loses nothing: the test proves nothing"
+    base = margins(guided.supervisor.robot, guided.settings, q)[kind]
+    for _ in range(20):
+        guided.beat(tuple(wanted.tolist()))
+        assert margins(guided.supervisor.robot, guided.settings, guided.drives.now.position)[kind] >= base - 1e-4
 
 
 def test_the_gate_keeps_a_little_above_the_stop_limits():

@@ -4,7 +4,8 @@ On approach a command is scaled so that the robot can be stopped before the gate
 then on. These limits lie a little above the stop limits, so a robot commanded through the gate comes to rest before a
 STOP. Motion tangential to a limit passes; the component towards it is removed. After a STOP the robot moves at recovery
 speed. A margin that caused it and is below the end of its warning must not fall below the best value since; one that
-is above that end stays above. In doubt the answer is a hold.
+is above that end stays above. Where a margin was lost although, as by brakes that give way, motion passes that raises
+it. In doubt the answer is a hold.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from functools import partial
 from math import inf, isfinite
 from typing import NamedTuple
 
-from irsbot_kinematics import Mechanism, Posture
+from irsbot_kinematics import Mechanism, Posture, Status
 from irsbot_msgs_py.gate_status import GateOutcome, GateReason
 from irsbot_msgs_py.records import Cause, Floats, Level
 from irsbot_supervisor.core.box_search import largest_margins, margins_of_bounds
@@ -62,6 +63,15 @@ class Allowance(NamedTuple):
     """Margins that the motion must keep."""
 
 
+class Limits(NamedTuple):
+    """Margins that a motion must keep."""
+
+    always: Margins
+    """Every motion."""
+    raising: Margins
+    """A motion of the way out that raises the margin; not above `always`, and below it where a margin was lost."""
+
+
 class Gate:
     """Passes the safe part of velocity commands of one robot, and computes the limits for trajectories."""
 
@@ -97,14 +107,19 @@ class Gate:
             return Allowed(hold, held(GateReason.INVALID, f"{len(hold)} finite velocities are needed"))
         if view is None:
             return Allowed(hold, held(GateReason.UNKNOWN))
-        share, limits = self.allowance(view)
+        stopped = view.judgement.level == Level.STOP
+        share = self._allowed_share(view)
         if not share > 0.0:
-            return Allowed(hold, held(GateReason.STOP if view.judgement.level == Level.STOP else GateReason.UNKNOWN))
+            return Allowed(hold, held(GateReason.STOP if stopped else GateReason.UNKNOWN))
+        limits = self._limits(view)
         excess = max(self._excess(wanted) / share, 1.0)
         rates = tuple(rate / excess for rate in wanted)
         kept = self._kept(view, rates, share, limits)
         inside = self._position.kept(view.at.joints, kept, partial(self._followed, view), view.prediction_delay_s)
         if inside != kept:
+            kind = self._beyond(view, inside, limits) if stopped else None  # the path of a way out is another one now
+            if kind is not None:
+                return self._limited(hold, wanted, MARGIN_CAUSES[kind])
             return self._limited(inside, wanted, Cause.POSITION)
         if not self._along == self._inward == 1.0:
             return self._limited(kept, wanted, MARGIN_CAUSES[self._kind])
@@ -120,10 +135,10 @@ class Gate:
         return Allowed(rates, Answer(GateOutcome.LIMITED, GateReason.LIMIT, int(cause), share))
 
     def allowance(self, view: View) -> Allowance:
-        """Speed share and margins of a motion that begins now. Every call counts: it remembers the best margins since a
-        stop."""
+        """Speed share and margins of a trajectory that begins now. Every call counts: it remembers the best margins
+        since a stop."""
         share = self._allowed_share(view)
-        return Allowance(share, self._limits(view) if share > 0.0 else self._keep)
+        return Allowance(share, self._limits(view).always if share > 0.0 else self._keep)
 
     def _allowed_share(self, view: View) -> float:
         """Share of the speed limits that a command may use now; 0 means hold. After a STOP the robot has to stand
@@ -136,16 +151,17 @@ class Gate:
         self._stood = False
         return view.judgement.speed_scale if level < Level.STOP else 0.0
 
-    def _limits(self, view: View) -> Margins:
+    def _limits(self, view: View) -> Limits:
         """Margins that a motion from here must keep: the gate's limits or, on the way out, the best margins since the
-        stop as far as they are below the end of their warnings."""
+        stop as far as they are below the end of their warnings. The best margins stay what they were if they are lost:
+        else every loss could be followed by another."""
         stopped_by = view.judgement.causes if view.judgement.level == Level.STOP else 0
         if view.judgement.level == Level.STOP:
             certified = margins_of_bounds(self._mechanism.certified_bounds(view.at, self._error, self._slack_m))
         else:  # the margins that it would keep at rest here
             rest = excess(self._settings, 0.5 * view.expected_s)
             certified = self._predictor.predict(view.at, Speeds(rest, rest), view.prediction_delay_s, self._keep)
-        limits, best = [], []
+        limits, raising, best = [], [], []
         for kind, now, last, keep, stop, inside in zip(
             MARGIN_CAUSES, certified, self._best, self._keep, self._stop, self._inside, strict=True
         ):
@@ -153,32 +169,54 @@ class Gate:
             if view.judgement.bypassed & kind:  # it may be lost: an operator has said so
                 best.append(-inf)
                 limits.append(-inf)
+                raising.append(-inf)
                 continue
             gained = max(now, last) if caused or now < keep else -inf
             best.append(gained)
             least = gained - DIP
             limits.append(min(least, inside) if caused else min(keep, max(least, stop)) if gained > -inf else keep)
+            raising.append(min(limits[-1], now - DIP if caused else max(now - DIP, stop)))
         self._best = (best[0], best[1], best[2], best[3])
-        return limits[0], limits[1], limits[2], limits[3]
+        return Limits((limits[0], limits[1], limits[2], limits[3]), (raising[0], raising[1], raising[2], raising[3]))
 
     def _excess(self, rates: Sequence[float]) -> float:
         """Factor by which the fastest joint exceeds its limit."""
         return max(abs(rate) / limit for rate, limit in zip(rates, self._speed, strict=True))
 
-    def _beyond(self, view: View, rates: Floats, limits: Margins) -> int | None:
+    def _beyond(self, view: View, rates: Floats, limits: Limits) -> int | None:
         """The margin that cannot be kept at these rates; None if all can."""
         if not any(rates):
             return None
         if view.judgement.level == Level.STOP:  # a way out begins where nothing can be stopped: the slow command counts
-            certified = self._predictor.along(view.at, rates, view.prediction_delay_s + self._lag_s, limits)
+            wanted = self._way_out(view, rates, limits)
+            certified = self._predictor.along(view.at, rates, view.prediction_delay_s + self._lag_s, wanted)
         else:
-            speeds, moved = self._followed(view, rates)
-            certified = self._predictor.predict(view.at, speeds, view.prediction_delay_s, limits, moved)
-        if all(have >= want for have, want in zip(certified, limits, strict=True)):
+            wanted, (speeds, moved) = limits.always, self._followed(view, rates)
+            certified = self._predictor.predict(view.at, speeds, view.prediction_delay_s, wanted, moved)
+        if all(have >= want for have, want in zip(certified, wanted, strict=True)):
             return None
         now = margins_of(view.at)  # where nothing can be bounded, the nearest limit speaks
-        lack = [(have - want, have_now - want) for have, have_now, want in zip(certified, now, limits, strict=True)]
+        lack = [(have - want, have_now - want) for have, have_now, want in zip(certified, now, wanted, strict=True)]
         return lack.index(min(lack))
+
+    def _way_out(self, view: View, rates: Floats, limits: Limits) -> Margins:
+        """Margins that these rates must keep on the way out: a margin that was lost may be raised from where it is."""
+        type1, type2, constraint, limb = (
+            less if less < limit and self._raises(view, rates, kind) else limit
+            for kind, (limit, less) in enumerate(zip(*limits, strict=True))
+        )
+        return type1, type2, constraint, limb
+
+    def _raises(self, view: View, rates: Floats, kind: int) -> bool:
+        """True if a margin is larger than here at the next heartbeat, and where joints at these rates brake at the
+        latest. Its slopes do not show it: where two legs share the smallest margin they are means."""
+        here = margins_of(view.at)[kind]
+        for after_s in (self._beat_s, view.prediction_delay_s + self._lag_s):
+            there = [q + rate * after_s for q, rate in zip(view.at.joints, rates, strict=True)]
+            at = self._mechanism.track(tuple(there), view.at)
+            if not (at.status == Status.SOLVED and margins_of(at)[kind] > here):
+                return False
+        return True
 
     def _followed(self, view: View, rates: Floats) -> tuple[Speeds, tuple[Floats, Floats]]:
         """Bounds of the joint speeds after the joints have followed a command for a heartbeat, and of the motion until
@@ -197,7 +235,7 @@ class Gate:
                 ways.append(sign * (begin * self._latency_s + max(0.5 * (begin + end), end) * self._beat_s))
         return Speeds(tuple(forward), tuple(backward)), (tuple(low), tuple(high))
 
-    def _kept(self, view: View, rates: Floats, share: float, limits: Margins) -> Floats:
+    def _kept(self, view: View, rates: Floats, share: float, limits: Limits) -> Floats:
         """The part of the rates that keeps the limits. The whole of a new command is tried; otherwise the search begins
         with the last allowed share: a little more, the same, less. So a command needs a few predictions, not a
         search."""
