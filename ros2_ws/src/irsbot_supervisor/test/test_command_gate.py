@@ -165,6 +165,25 @@ def test_a_hold_is_a_point_at_rest_ahead_of_the_moving_robot(opened: Opened, clo
     assert point.positions[1] == pytest.approx(start[1], abs=1e-3)
 
 
+def test_the_point_of_a_hold_does_not_depend_on_the_age_of_samples(clock: SimpleNamespace):
+    """Positions belong to stamps: samples that take 30 ms to come show where the joints were then."""
+    rate, points = 1.0, []
+    for age_ms in (0.0, 30.0):
+        supervisor = supervisor_of()
+        q = joints_of(supervisor, 0.0, -0.85)
+        way = [1e-3 * max(ms - age_ms, 0.0) * rate for ms in range(-200, 101)]
+        rates = [(rate if moved else 0.0, 0.0) for moved in way]
+        steps = zip(range(-200, 101), way, rates, strict=True)
+        feed(supervisor, [sample(ms, (q[0] + s, q[1]), v, age_ms=age_ms) for ms, s, v in steps])
+        opened = Opened(supervisor)
+        clock.now_ns = at_ns(105)[1]
+        opened.gate.beat(0)
+        points.append(opened.node.stated["command_out"][-1].points[-1].positions[0])
+        opened.gate.end()
+        assert opened.errors == []
+    assert points[1] == pytest.approx(points[0], abs=1e-3)
+
+
 def test_without_new_samples_a_late_hold_is_the_same_hold(opened: Opened, clock: SimpleNamespace):
     """Where it would be by now if it had gone on is anywhere."""
     supervisor, rate = opened.gate._supervisor, 1.0
