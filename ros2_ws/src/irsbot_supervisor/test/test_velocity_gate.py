@@ -254,6 +254,28 @@ def test_who_goes_on_commanding_while_the_robot_brakes_is_let_out_as_well(name):
     assert braking
 
 
+@pytest.mark.parametrize("seed", range(2))
+def test_the_way_out_begins_when_the_robot_stands_and_its_stop_has_been_measured(seed):
+    """A client goes on commanding all the while. Joints that turn round are slow for a moment."""
+    guided = standing("irsbot2", good_posture("irsbot2", seed))
+    limits = np.array(guided.settings.velocity_limit)
+    direction = np.random.default_rng(seed).normal(size=len(limits))
+    there = limits * direction / np.abs(direction).max()
+    while guided.now.level < Level.STOP:
+        guided.rush(tuple(there.tolist()))
+    for _ in range(100):
+        stands = guided.supervisor.standing
+        if any(guided.beat(tuple((-there).tolist())).rates):
+            break
+    else:
+        pytest.fail("nothing passed: the test proves nothing")
+    assert stands
+    assert guided.supervisor.measured_stop is not None
+    for _ in range(20):
+        guided.beat(tuple((-there).tolist()))
+    assert not any("after the stop" in finding.text for finding in guided.now.findings)
+
+
 NEAR = [(name, 7, 0.1) for name in ("irsbot2", "irsbot2_beta45", "five_bar", "orthoglide")] + [("triaglide", 8, 0.1)]
 """Robots that were slow: they stand beyond a warning limit. Fast ones stand where their margins are above it."""
 

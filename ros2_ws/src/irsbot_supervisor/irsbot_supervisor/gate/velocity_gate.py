@@ -89,7 +89,6 @@ class Gate:
         self._settings = settings
         self._predictor = StoppingPredictor(settings, self._mechanism)
         self._speed = settings.velocity_limit
-        self._slow = settings.standstill_speed
         self._share = settings.recovery_share
         self._beat_s, self._latency_s = settings.heartbeat_s, settings.latency_s
         self._lag_s = settings.heartbeat_s + settings.latency_s  # until the drives follow the next command
@@ -145,7 +144,7 @@ class Gate:
         first: the way out begins there, and the margin lost during braking was never gained."""
         level = view.judgement.level
         if level == Level.STOP:
-            if not self._stood and all(abs(rate) <= self._slow for rate in view.velocity):
+            if not self._stood and view.standing:
                 self._stood, self._best = True, NOTHING_GAINED
             return self._share if self._stood else 0.0
         self._stood = False
