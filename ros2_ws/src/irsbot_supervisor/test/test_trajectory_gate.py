@@ -138,8 +138,9 @@ def test_a_safe_motion_passes_as_it_is():
     assert np.allclose(found.path.positions, path.positions, atol=0.0, rtol=1e-15)
 
 
-def test_a_motion_through_a_limit_ends_at_rest_in_front_of_it_on_its_way():
-    supervisor, _ = ready("irsbot2", START)
+@pytest.mark.parametrize("changes", [{}, {"acceleration_limit": 50.0}], ids=str)
+def test_a_motion_through_a_limit_ends_at_rest_in_front_of_it_on_its_way(changes):
+    supervisor, _ = ready("irsbot2", START, **changes)
     settings, robot = supervisor.settings, supervisor.robot
     goal = straightened(supervisor)
     path = to(supervisor, goal)
@@ -148,6 +149,7 @@ def test_a_motion_through_a_limit_ends_at_rest_in_front_of_it_on_its_way():
     assert found.path is not None
     assert "ends early: Type 1 margin" in found.answer.text
     assert not any(found.path.velocities[-1])
+    assert found.path.excess(joint_limits_of(settings)) <= 1.0 + 1e-5
     way = np.array([found.path.at(t).position for t in np.linspace(0.0, found.path.duration_s, 500)])
     start = np.array(path.positions[0])
     straight = (goal - start) / np.linalg.norm(goal - start)
@@ -159,12 +161,14 @@ def test_a_motion_through_a_limit_ends_at_rest_in_front_of_it_on_its_way():
     assert np.linalg.norm(way[-1] - start) > 0.5 * np.linalg.norm(goal - start)
 
 
-def test_a_motion_that_is_too_fast_for_the_joints_is_slowed_down_on_the_same_way():
-    supervisor, _ = ready("irsbot2", START)
+@pytest.mark.parametrize("changes", [{}, {"acceleration_limit": 50.0}], ids=str)
+def test_a_motion_that_is_too_fast_for_the_joints_is_slowed_down_on_the_same_way(changes):
+    supervisor, _ = ready("irsbot2", START, **changes)
     settings = supervisor.settings
     path = to(supervisor, joints_of(supervisor, *SAFE), share=1.0).stretched(0.2)
     found = passed(supervisor, command_of(path))
     assert found.path is not None
+    assert found.answer[:2] == (GateOutcome.SLOWED, GateReason.SPEED)
     assert found.path.positions == path.positions
     limits = joint_limits_of(settings)
     assert found.path.excess(limits) <= 1.0 + 1e-9

@@ -10,6 +10,7 @@ cubic. So a slower motion has another first part, which is certified as it is dr
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import isfinite
 from typing import NamedTuple
 
@@ -20,7 +21,14 @@ from irsbot_supervisor.core.margins import Margins
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.gate.answer import PASSED, Answer, held
 from irsbot_supervisor.trajectory.certificate import Certificate
-from irsbot_supervisor.trajectory.joint_path import BadTrajectory, Command, JointLimits, JointPath, path_through
+from irsbot_supervisor.trajectory.joint_path import (
+    BadTrajectory,
+    Command,
+    JointLimits,
+    JointPath,
+    joint_limits_of,
+    path_through,
+)
 from irsbot_supervisor.trajectory.verification import certify
 
 PACES = (1.0, 0.8, 0.63, 0.5, 0.4, 0.32, 0.25, 0.2, 0.16, 0.125, 0.1)
@@ -100,8 +108,8 @@ class MotionGate:
 
     def _joint_limits(self, share: float) -> JointLimits:
         """Limits of the joints at a share of their speed limits."""
-        brakes = self._settings.deceleration_limit
-        return JointLimits(tuple(share * limit for limit in self._settings.velocity_limit), brakes, brakes)
+        limits = joint_limits_of(self._settings)
+        return replace(limits, velocity=tuple([share * limit for limit in limits.velocity]))
 
     def _moves(self, situation: Situation) -> bool:
         """True if a joint is faster than standstill."""
@@ -181,9 +189,8 @@ class MotionGate:
 
     def _at_rest(self, path: JointPath, end_s: float) -> JointPath | None:
         """The path until `end_s`, with a pace that falls evenly to 0; None if the joints cannot brake like that."""
-        brakes = self._settings.deceleration_limit
-        limits = JointLimits(self._settings.velocity_limit, brakes, brakes)
-        braking_s = 2.0 * max(peak / brake for peak, brake in zip(path.peaks[0], brakes, strict=True))
+        limits = joint_limits_of(self._settings)
+        braking_s = 2.0 * max(peak / brake for peak, brake in zip(path.peaks[0], limits.acceleration, strict=True))
         braking_s = min(braking_s, 2.0 * end_s)
         if not (braking_s > 0.0 and isfinite(braking_s)):
             return None
