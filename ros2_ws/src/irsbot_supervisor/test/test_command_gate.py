@@ -11,13 +11,16 @@ import pytest
 
 pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
+from builtin_interfaces.msg import Duration
 from gated import PATIENCE_S, Opened, set_clock
 from supervised import MS, STEADY_NS, at_ns, feed, joints_of, ready, resting, sample, supervisor_of, tick
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from irsbot_msgs_py.gate_status import GateReason
 from irsbot_msgs_py.records import Floats, JointSample, Level
 from irsbot_supervisor.core.supervisor import Supervisor
 from irsbot_supervisor.nodes import commands
+from irsbot_supervisor.nodes.certifier import Outcome
 
 pytestmark = pytest.mark.ros
 
@@ -110,6 +113,33 @@ def test_a_motion_that_takes_longer_than_messages_can_say_is_held(opened: Opened
     opened.until_said(2)
     assert opened.motions[1] == 1
     opened.until_logged("it takes")
+
+
+def test_an_error_while_a_motion_is_published_is_reported_and_answered(opened: Opened, monkeypatch: pytest.MonkeyPatch):
+    """The thread certifies the next command, and the next heartbeat reports the error."""
+    opened.gate.beat(0)
+    answers: list[Outcome] = []
+    broken, failed = RuntimeError("broken for a test"), Event()
+
+    def fail(*_: Any) -> None:
+        failed.set()
+        raise broken
+
+    message = JointTrajectory(joint_names=["joint_1", "joint_2"])
+    message.points.append(JointTrajectoryPoint(positions=list(near_by(opened)), time_from_start=Duration(sec=1)))
+    with monkeypatch.context() as breaking:
+        breaking.setattr(opened.gate._out, "motion", fail)
+        opened.gate.command(message, answers.append)
+        assert failed.wait(PATIENCE_S)
+    opened.go(near_by(opened))
+    opened.until_said(2)
+    assert opened.motions[-1] > 1
+    assert answers == []
+    opened.gate.beat(0)
+    assert opened.errors == [broken]
+    opened.errors.clear()
+    assert [(outcome.path, outcome.answer.reason) for outcome in answers] == [(None, GateReason.INTERNAL)]
+    assert set(opened.motions[2:]) == {1}
 
 
 HOLD_AFTER_S = 1.0

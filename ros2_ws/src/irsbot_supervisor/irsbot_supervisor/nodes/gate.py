@@ -137,6 +137,9 @@ class CommandGate:
 
     def _beat(self, seen_ns: int) -> None:
         self._is_new()
+        for task, error in self._certifier.failed():
+            self._fail(error)  # UNKNOWN, and so a hold
+            self._refuse(held(GateReason.INTERNAL, f"{type(error).__name__}: {error}"), task.answered)
         view = self._look()
         level = Level.UNKNOWN if view is None else view.judgement.level
         if level > self._level and level >= Level.STOP:  # also from STOP to UNKNOWN: that ends a way out
