@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import dropwhile, groupby
 from math import inf, nan
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -29,6 +30,9 @@ LOST = 0.003
 
 RESERVE = 0.02
 """Share above the stop limits that is kept, as docs/explanation/verdicts.md says."""
+
+BEATS_TO_SEEK = 12
+"""Heartbeats after which the gate has found what passes of a command, where nothing changes."""
 
 AT_REST_BEATS = 16
 """Heartbeats after which a standing robot is OK."""
@@ -182,8 +186,8 @@ def test_a_command_near_a_limit_is_cut_the_more_the_older_the_newest_sample_is()
     for age_ms in (0.0, 1.0, 2.0):
         aged = view.aged(view.seen_ns + round(age_ms * 1e6))
         assert aged.prediction_delay_s == pytest.approx(view.prediction_delay_s + 1e-3 * age_ms)
-        allowed = Gate(guided.settings, guided.supervisor.robot.mechanism).velocity(wanted, aged).rates
-        shares.append(max(map(abs, allowed)))
+        gate = Gate(guided.settings, guided.supervisor.robot.mechanism)
+        shares.append(max(max(map(abs, gate.velocity(wanted, aged).rates)) for _ in range(BEATS_TO_SEEK)))
     assert shares[0] > shares[1] > shares[2]
 
 
@@ -202,6 +206,35 @@ def test_a_robot_driven_at_a_limit_comes_to_rest_before_it_without_a_stop(name, 
         assert (margins(robot, settings, guided.drives.now.position) >= stop).all()
     assert limited, "the run met no limit: it proves nothing"
     assert guided.now.event == 0, guided.now.findings
+
+
+@pytest.mark.parametrize("safe", [0.9, 0.5, 0.1, 0.03])
+@pytest.mark.parametrize("wanted", [(12.0, -12.0), (-12.0, 12.0)], ids=str)
+@pytest.mark.parametrize("changing", [False, True], ids=["the same", "changing"])
+def test_a_command_takes_a_few_predictions_and_is_sought_further_with_the_next(safe, wanted, changing, monkeypatch):
+    """Samples are not judged meanwhile. Here a robot at rest could be stopped from speeds up to a share `safe`."""
+    supervisor, _ = ready("irsbot2")
+    view, gate, made = supervisor.view, Gate(supervisor.settings, supervisor.robot.mechanism), []
+    assert view is not None
+
+    def share_of(rates) -> float:
+        return max(map(abs, rates)) / supervisor.settings.velocity_limit[0]
+
+    def predict(_at, speeds, *_more):
+        made.append(speeds)
+        fastest = max(*speeds.forward, *speeds.backward) - max(excess(supervisor.settings, 0.5 * view.expected_s))
+        return (1.0 if share_of((fastest,)) <= safe else 0.0,) * 4
+
+    monkeypatch.setattr(gate, "_predictor", SimpleNamespace(predict=predict))
+    heard = []
+    for beat in range(BEATS_TO_SEEK):
+        made.clear()
+        slower = 1.0 - 1e-3 * beat * changing
+        heard.append(share_of(gate.velocity([slower * rate for rate in wanted], view).rates))
+        assert len(made) <= 4  # of them one for the margins here
+    assert all(passed <= safe for passed in heard)
+    assert all(0.7 * safe <= passed for passed in heard[-3:])
+    assert safe >= 0.4 or heard[0] == 0.0, "the first answer was the last: the test proves nothing"
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

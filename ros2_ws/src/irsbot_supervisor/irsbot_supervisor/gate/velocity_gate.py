@@ -10,7 +10,7 @@ it. In doubt the answer is a hold.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import partial
 from math import inf, isfinite
 from typing import NamedTuple
@@ -28,6 +28,7 @@ from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.core.stopping import StoppingPredictor, limits_of, raised, release_of
 from irsbot_supervisor.core.view import View
 from irsbot_supervisor.gate.answer import PASSED, Answer, held
+from irsbot_supervisor.gate.shares import WHOLE, Shares
 
 RESERVE = 0.02
 """1: share above the stop limits that a command keeps, so that the gate does not cause the stop that it should avoid:
@@ -37,11 +38,8 @@ DIP = 0.002
 """1: how far the bound of a way out may lie below the best margin since the stop. Bounds over boxes of joints are
 slightly below the margins; in boxes around eighths of a slow path, by less than this."""
 
-STEP = 1.25
-"""1: largest increase of the allowed share from one command to the next."""
-
-LEAST = 0.01
-"""1: smaller shares of a command count as 0."""
+PREDICTIONS = 3
+"""Largest number of shares of a command that are tried in one call: each may take as long as the worst sample."""
 
 NOTHING_GAINED: Margins = (-inf, -inf, -inf, -inf)
 """Margins to keep on a way out that has not begun."""
@@ -78,7 +76,7 @@ class Gate:
     def __init__(self, settings: Settings, mechanism: Mechanism) -> None:
         self._mechanism = mechanism
         self._best = NOTHING_GAINED  # since the robot stood after a stop, or since the gate's limit was crossed
-        self._along = self._inward = 1.0  # shares of the last command that were allowed
+        self._shares = WHOLE  # of the last command: allowed, or to be tried next
         self._kind = 0  # the margin that limited it
         self._stood = False  # since the stop that is in force
         self._last: Floats = ()  # the requested rates
@@ -120,7 +118,7 @@ class Gate:
             if kind is not None:
                 return self._limited(hold, wanted, MARGIN_CAUSES[kind])
             return self._limited(inside, wanted, Cause.POSITION)
-        if not self._along == self._inward == 1.0:
+        if self._shares != WHOLE:
             return self._limited(kept, wanted, MARGIN_CAUSES[self._kind])
         if excess > 1.0:
             return Allowed(kept, Answer(GateOutcome.SLOWED, GateReason.SPEED, share=1.0 / excess))
@@ -235,27 +233,43 @@ class Gate:
         return Speeds(tuple(forward), tuple(backward)), (tuple(low), tuple(high))
 
     def _kept(self, view: View, rates: Floats, share: float, limits: Limits) -> Floats:
-        """The part of the rates that keeps the limits. The whole of a new command is tried; otherwise the search begins
-        with the last allowed share: a little more, the same, less. So a command needs a few predictions, not a
-        search."""
-        if self._along == self._inward == 1.0 or rates != self._last:
-            kind = self._beyond(view, rates, limits)
-            self._last = rates
-            if kind is None:
-                self._along = self._inward = 1.0
+        """The part of the rates that keeps the limits. The whole of a new command is tried; else the last allowed share
+        and a little more, or less. Samples wait meanwhile: what is not found with PREDICTIONS is sought further in the
+        next call, and the robot is held until then."""
+        left = PREDICTIONS
+        if self._shares == WHOLE or rates != self._last:
+            self._last, left = rates, left - 1
+            if self._passes(view, rates, limits):
+                self._shares = WHOLE
                 return rates
-            self._kind = kind
         along, inward = self._split(view.at, rates, self._kind)
         if (faster := self._excess(along) / share) > 1.0:  # a part can have a component that the whole has not
             along, inward = tuple(r / faster for r in along), tuple(r / faster for r in inward)
-        for shares in _fewer(self._along, self._inward):
-            self._along, self._inward = shares
-            kept = tuple(shares[0] * a + shares[1] * b for a, b in zip(along, inward, strict=True))
-            kind = self._beyond(view, kept, limits)
-            if kind is None:
-                return kept
-            self._kind = kind
-        raise AssertionError("standing still is always allowed")
+
+        def part(shares: Shares) -> Floats:
+            return tuple([shares.along * a + shares.inward * b for a, b in zip(along, inward, strict=True)])
+
+        towards = any(inward)
+        last = self._shares if towards or self._shares.along < 1.0 else WHOLE
+        if left == PREDICTIONS or last != WHOLE or faster > 1.0:  # else it has been tried
+            left -= 1
+            if self._passes(view, part(last), limits):
+                more = last.more
+                self._shares = more if more != last and self._passes(view, part(more), limits) else last
+                return part(self._shares)
+        for shares in last.fewer(towards):
+            self._shares, left = shares, left - 1
+            if left < 0:
+                break
+            if self._passes(view, part(shares), limits):
+                return part(shares)
+        return (0.0,) * len(rates)
+
+    def _passes(self, view: View, rates: Floats, limits: Limits) -> bool:
+        """True if all margins can be kept at these rates."""
+        kind = self._beyond(view, rates, limits)
+        self._kind = self._kind if kind is None else kind
+        return kind is None
 
     def _split(self, at: Posture, rates: Floats, kind: int) -> tuple[Floats, Floats]:
         """Rates along the level lines of a margin, and the part that decreases it. In units of the speed limits."""
@@ -267,21 +281,3 @@ class Gate:
             return rates, (0.0,) * len(rates)
         inward = tuple(towards / square * s * limit for s, limit in zip(slope, speed, strict=True))
         return tuple(rate - part for rate, part in zip(rates, inward, strict=True)), inward
-
-
-def _fewer(along: float, inward: float) -> Iterator[tuple[float, float]]:
-    """Shares of the motion along a limit and towards it: from a little more than now down to none."""
-    if along == 1.0:
-        towards = inward
-        yield 1.0, min(max(inward, LEAST) * STEP, 1.0)
-        while towards >= LEAST:
-            yield 1.0, towards
-            towards /= STEP
-    elif along >= LEAST:
-        yield min(along * STEP, 1.0), 0.0
-    else:
-        along = LEAST * STEP
-    while along >= LEAST:
-        yield along, 0.0
-        along /= STEP
-    yield 0.0, 0.0
