@@ -41,7 +41,7 @@ def request(settings: Settings, *points: tuple[Floats, Floats], mode: int = 0) -
 def standing(at: Posture) -> View:
     """A robot at rest on a branch."""
     rest = (0.0,) * len(at.joints)
-    return View(at, rest, Speeds(rest, rest), 0.002, 0.002, Judgement(Level.OK, 0, False, 0, 0, 1.0, ()), 0)
+    return View(at, rest, Speeds(rest, rest), 0.002, 0.002, True, Judgement(Level.OK, 0, False, 0, 0, 1.0, ()), 0)
 
 
 def checked(mode: int, view: View | None) -> Certificate:

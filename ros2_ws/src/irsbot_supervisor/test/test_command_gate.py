@@ -11,13 +11,16 @@ import pytest
 
 pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
+from builtin_interfaces.msg import Duration
 from gated import PATIENCE_S, Opened, set_clock
 from supervised import MS, STEADY_NS, at_ns, feed, joints_of, ready, resting, sample, supervisor_of, tick
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from irsbot_msgs_py.gate_status import GateReason
 from irsbot_msgs_py.records import Floats, JointSample, Level
 from irsbot_supervisor.core.supervisor import Supervisor
 from irsbot_supervisor.nodes import certifier, commands
+from irsbot_supervisor.nodes.certifier import Outcome
 
 pytestmark = pytest.mark.ros
 
@@ -122,6 +125,33 @@ def test_a_motion_that_takes_longer_than_messages_can_say_is_held(opened: Opened
     opened.until_logged("it takes")
 
 
+def test_an_error_while_a_motion_is_published_is_reported_and_answered(opened: Opened, monkeypatch: pytest.MonkeyPatch):
+    """The thread certifies the next command, and the next heartbeat reports the error."""
+    opened.gate.beat(0)
+    answers: list[Outcome] = []
+    broken, failed = RuntimeError("broken for a test"), Event()
+
+    def fail(*_: Any) -> None:
+        failed.set()
+        raise broken
+
+    message = JointTrajectory(joint_names=["joint_1", "joint_2"])
+    message.points.append(JointTrajectoryPoint(positions=list(near_by(opened)), time_from_start=Duration(sec=1)))
+    with monkeypatch.context() as breaking:
+        breaking.setattr(opened.gate._out, "motion", fail)
+        opened.gate.command(message, answers.append)
+        assert failed.wait(PATIENCE_S)
+    opened.go(near_by(opened))
+    opened.until_said(2)
+    assert opened.motions[-1] > 1
+    assert answers == []
+    opened.gate.beat(0)
+    assert opened.errors == [broken]
+    opened.errors.clear()
+    assert [(outcome.path, outcome.answer.reason) for outcome in answers] == [(None, GateReason.INTERNAL)]
+    assert set(opened.motions[2:]) == {1}
+
+
 HOLD_AFTER_S = 1.0
 """s: a hold is shorter than this, whatever the robot does."""
 
@@ -173,6 +203,25 @@ def test_a_hold_is_a_point_at_rest_ahead_of_the_moving_robot(opened: Opened, clo
     (point,) = stated.points
     assert last.position[0] + least < point.positions[0] < last.position[0] + least + 3.0 * rate * latency
     assert point.positions[1] == pytest.approx(start[1], abs=1e-3)
+
+
+def test_the_point_of_a_hold_does_not_depend_on_the_age_of_samples(clock: SimpleNamespace):
+    """Positions belong to stamps: samples that take 30 ms to come show where the joints were then."""
+    rate, points = 1.0, []
+    for age_ms in (0.0, 30.0):
+        supervisor = supervisor_of()
+        q = joints_of(supervisor, 0.0, -0.85)
+        way = [1e-3 * max(ms - age_ms, 0.0) * rate for ms in range(-200, 101)]
+        rates = [(rate if moved else 0.0, 0.0) for moved in way]
+        steps = zip(range(-200, 101), way, rates, strict=True)
+        feed(supervisor, [sample(ms, (q[0] + s, q[1]), v, age_ms=age_ms) for ms, s, v in steps])
+        opened = Opened(supervisor)
+        clock.now_ns = at_ns(105)[1]
+        opened.gate.beat(0)
+        points.append(opened.node.stated["command_out"][-1].points[-1].positions[0])
+        opened.gate.end()
+        assert opened.errors == []
+    assert points[1] == pytest.approx(points[0], abs=1e-3)
 
 
 def test_without_new_samples_a_late_hold_is_the_same_hold(opened: Opened, clock: SimpleNamespace):
@@ -267,6 +316,35 @@ def stopped() -> Supervisor:
     assert supervisor.view is not None
     assert supervisor.view.judgement.level == Level.STOP
     return supervisor
+
+
+@pytest.mark.parametrize("when", ["driven", "certified"])
+def test_a_way_out_ends_with_unknown(monkeypatch: pytest.MonkeyPatch, when: str):
+    """The level rises from STOP to UNKNOWN: a controller must not go on with a way out that it has, nor get one."""
+    supervisor = stopped()
+    last_ms = (supervisor.view.seen_ns - STEADY_NS) / MS
+    set_clock(monkeypatch, lambda: supervisor.view.seen_ns if supervisor.view else at_ns(last_ms + 1e3)[1])
+    opened = Opened(supervisor)
+    opened.gate.beat(0)
+    stated, stops = len(opened.motions), opened.gate.stops
+    pause = Pause(monkeypatch) if when == "certified" else None
+    begin, away = supervisor.view.at.joints, supervisor.escape.direction
+    opened.go(tuple(q + 0.05 * share for q, share in zip(begin, away, strict=True)))
+    if pause is None:
+        opened.until_said(stated + 1)
+        assert opened.motions[-1] > 1, "nothing passed: the test proves nothing"
+    else:
+        assert pause.reached.wait(PATIENCE_S)
+    supervisor.step(tick(last_ms + 1e3))
+    opened.gate.beat(0)
+    if pause is not None:
+        pause.go_on.set()
+        opened.until_said(stated + 2)
+    opened.gate.end()
+    assert opened.errors == []
+    assert opened.motions[-1] == 1
+    assert len(opened.motions) == stated + 2
+    assert opened.gate.stops == stops + 1
 
 
 def test_commands_before_an_activation_do_not_count_in_it(monkeypatch: pytest.MonkeyPatch):

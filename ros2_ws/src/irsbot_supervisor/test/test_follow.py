@@ -171,6 +171,21 @@ def test_a_cancelled_goal_holds_the_robot(served: Served):
     assert served.opened.motions[stated:] == [1]
 
 
+def test_a_cancelled_goal_does_not_hold_a_newer_command(served: Served):
+    """Both come between two heartbeats."""
+    goal = FakeGoal(joints_of(served.supervisor, 0.05, -0.82))
+    served.send(goal)
+    served.drive(goal, until_ms=200.0)
+    stated = len(served.opened.motions)
+    goal.is_cancel_requested = True
+    served.opened.go(served.here)
+    served.opened.until_said(stated + 1)
+    assert served.opened.motions[-1] > 1, "the newer command did not pass: the test proves nothing"
+    served.beat()
+    assert (goal.outcome, goal.result.error_code) == ("canceled", 0)
+    assert len(served.opened.motions) == stated + 1
+
+
 def test_a_stop_aborts_a_goal(served: Served):
     goal = FakeGoal(joints_of(served.supervisor, 0.05, -0.82))
     served.send(goal)

@@ -6,7 +6,7 @@ from math import inf, nan
 
 import numpy as np
 import pytest
-from supervised import joints_of, ready, sample, settings_of
+from supervised import joints_of, ready, sample, settings_of, supervisor_of
 
 from irsbot_kinematics import Robot
 from irsbot_msgs_py.gate_status import GateOutcome, GateReason
@@ -138,8 +138,9 @@ def test_a_safe_motion_passes_as_it_is():
     assert np.allclose(found.path.positions, path.positions, atol=0.0, rtol=1e-15)
 
 
-def test_a_motion_through_a_limit_ends_at_rest_in_front_of_it_on_its_way():
-    supervisor, _ = ready("irsbot2", START)
+@pytest.mark.parametrize("changes", [{}, {"acceleration_limit": 50.0}], ids=str)
+def test_a_motion_through_a_limit_ends_at_rest_in_front_of_it_on_its_way(changes):
+    supervisor, _ = ready("irsbot2", START, **changes)
     settings, robot = supervisor.settings, supervisor.robot
     goal = straightened(supervisor)
     path = to(supervisor, goal)
@@ -148,6 +149,7 @@ def test_a_motion_through_a_limit_ends_at_rest_in_front_of_it_on_its_way():
     assert found.path is not None
     assert "ends early: Type 1 margin" in found.answer.text
     assert not any(found.path.velocities[-1])
+    assert found.path.excess(joint_limits_of(settings)) <= 1.0 + 1e-5
     way = np.array([found.path.at(t).position for t in np.linspace(0.0, found.path.duration_s, 500)])
     start = np.array(path.positions[0])
     straight = (goal - start) / np.linalg.norm(goal - start)
@@ -159,12 +161,14 @@ def test_a_motion_through_a_limit_ends_at_rest_in_front_of_it_on_its_way():
     assert np.linalg.norm(way[-1] - start) > 0.5 * np.linalg.norm(goal - start)
 
 
-def test_a_motion_that_is_too_fast_for_the_joints_is_slowed_down_on_the_same_way():
-    supervisor, _ = ready("irsbot2", START)
+@pytest.mark.parametrize("changes", [{}, {"acceleration_limit": 50.0}], ids=str)
+def test_a_motion_that_is_too_fast_for_the_joints_is_slowed_down_on_the_same_way(changes):
+    supervisor, _ = ready("irsbot2", START, **changes)
     settings = supervisor.settings
     path = to(supervisor, joints_of(supervisor, *SAFE), share=1.0).stretched(0.2)
     found = passed(supervisor, command_of(path))
     assert found.path is not None
+    assert found.answer[:2] == (GateOutcome.SLOWED, GateReason.SPEED)
     assert found.path.positions == path.positions
     limits = joint_limits_of(settings)
     assert found.path.excess(limits) <= 1.0 + 1e-9
@@ -251,3 +255,46 @@ def test_a_moving_robot_is_not_sent_where_it_cannot_turn_to():
     found = passed(supervisor, back, velocity=(10.0, -10.0))
     assert found.path is None
     assert "cannot be joined" in found.answer.text
+
+
+@pytest.mark.parametrize("points", [1, 40])
+@pytest.mark.parametrize(("seconds", "outcome"), [(0.3, GateOutcome.SLOWED), (1.0, GateOutcome.SHORTENED)])
+def test_what_a_moving_robot_drives_is_what_was_certified(seconds, outcome, points):
+    """A controller begins with the present velocity, however slow the points are that it gets."""
+    supervisor = supervisor_of("irsbot2")
+    begin, ahead = (joints_of(supervisor, 0.6 + step, -0.8) for step in (0.0, 1e-5))
+    velocity = tuple([1.5 * (b - a) / 1e-5 for a, b in zip(begin, ahead, strict=True)])  # 1.5 m/s
+    for ms in range(-220, 1):
+        q = tuple([a + 1e-3 * ms * rate for a, rate in zip(begin, velocity, strict=True)])
+        supervisor.step(sample(ms, q, velocity))
+    situation = situation_of(supervisor)
+    assert situation.velocity == pytest.approx(velocity)
+    goal, rest = joints_of(supervisor, 0.85, -0.8), (0.0, 0.0)
+    whole = JointPath((0.0, seconds), (situation.at.joints, goal), (situation.velocity, rest))
+    times = tuple(np.linspace(0.0, seconds, points + 1)[1:].tolist())
+    found = passed(
+        supervisor,
+        Command(
+            times,
+            tuple([whole.at(time).position for time in times[:-1]] + [goal]),
+            tuple([whole.at(time).velocity for time in times[:-1]] + [rest]),
+        ),
+    )
+    assert found.path is not None or points > 1
+    if found.path is None:
+        return
+    if points == 1:
+        assert found.answer.outcome == outcome, "it passed as it was: the test proves nothing"
+    driven = JointPath(found.path.times, found.path.positions, (situation.velocity, *found.path.velocities[1:]))
+    assert driven.excess(joint_limits_of(supervisor.settings)) <= 1.0 + 1e-5
+    kept = certify(
+        supervisor.robot,
+        supervisor.settings,
+        driven.times,
+        driven.positions,
+        driven.velocities,
+        limits=situation.limits,
+        begin=situation.at,
+        prediction_delay_s=situation.prediction_delay_s,
+    )
+    assert kept.safe, kept.violation

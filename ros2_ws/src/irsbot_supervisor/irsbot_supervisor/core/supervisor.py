@@ -197,6 +197,7 @@ class Supervisor:
             speeds=good.speeds,
             prediction_delay_s=good.prediction_delay_s,
             expected_s=good.expected_s,
+            standing=self.standing,
             judgement=self._latch.now,
             seen_ns=good.seen_ns,
         )

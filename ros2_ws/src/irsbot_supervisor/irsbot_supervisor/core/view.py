@@ -19,6 +19,7 @@ class View(NamedTuple):
     speeds: Speeds  # certain
     prediction_delay_s: float  # age of the sample, and until the next can be expected
     expected_s: float  # of these until the next can be expected
+    standing: bool  # True if no joint has moved for `stale_s`
     judgement: Judgement
     seen_ns: int  # when the sample came, steady clock
 

@@ -3,10 +3,14 @@
 The motion is certified between its points too. It is slowed down until the robot can be stopped before the gate's
 limits from every moment of it, whatever its drives do. If that fails even at low speed, the motion ends at rest, on its
 path, at the last point from which the robot can be stopped.
+
+A moving robot goes on from its present velocity, however slow the motion is: the controller joins the first point by a
+cubic. So a slower motion has another first part, which is certified as it is driven, within the limits of the joints.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import isfinite
 from typing import NamedTuple
 
@@ -17,7 +21,14 @@ from irsbot_supervisor.core.margins import Margins
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.gate.answer import PASSED, Answer, held
 from irsbot_supervisor.trajectory.certificate import Certificate
-from irsbot_supervisor.trajectory.joint_path import BadTrajectory, Command, JointLimits, JointPath, path_through
+from irsbot_supervisor.trajectory.joint_path import (
+    BadTrajectory,
+    Command,
+    JointLimits,
+    JointPath,
+    joint_limits_of,
+    path_through,
+)
 from irsbot_supervisor.trajectory.verification import certify
 
 PACES = (1.0, 0.8, 0.63, 0.5, 0.4, 0.32, 0.25, 0.2, 0.16, 0.125, 0.1)
@@ -88,36 +99,65 @@ class MotionGate:
             (position, *[way.positions[i] for i in later]),
             (velocity, *[way.velocities[i] for i in later]),
         )
-        brakes = self._settings.deceleration_limit
-        speed = tuple(share * limit for limit in self._settings.velocity_limit)
-        excess = path.excess(JointLimits(speed, brakes, brakes))
+        excess = path.excess(self._joint_limits(share))
         if excess <= 1.0:
             return path, 1.0
-        if any(abs(rate) > self._settings.standstill_speed for rate in velocity):
+        if self._moves(situation):
             return None, excess
         return path.stretched(excess), excess
 
+    def _joint_limits(self, share: float) -> JointLimits:
+        """Limits of the joints at a share of their speed limits."""
+        limits = joint_limits_of(self._settings)
+        return replace(limits, velocity=tuple([share * limit for limit in limits.velocity]))
+
+    def _moves(self, situation: Situation) -> bool:
+        """True if a joint is faster than standstill."""
+        return any(abs(rate) > self._settings.standstill_speed for rate in situation.velocity)
+
+    def _driven(self, path: JointPath, pace: float, situation: Situation) -> JointPath | None:
+        """A path at a share of its speed, as the joints drive it; None if a moving robot cannot join it."""
+        slower = path.stretched(1.0 / pace)
+        if not self._moves(situation):
+            return slower
+        driven = JointPath(slower.times, slower.positions, (path.velocities[0], *slower.velocities[1:]))
+        return driven if driven.excess(self._joint_limits(situation.share)) <= 1.0 + ROUNDING else None
+
     def _safe(self, path: JointPath, slower: float, situation: Situation) -> GatedMotion:
         """slower: factor by which the path is already slower than commanded."""
-        violation = self._certified(path.stretched(1.0 / PACES[-1]), situation).violation
+        if (found := self._fastest(path, situation)) is not None:
+            gated, pace = found
+            if pace == slower == 1.0:
+                return GatedMotion(gated, PASSED)
+            reason = GateReason.STOPPING if pace < 1.0 else GateReason.SPEED
+            return GatedMotion(gated, Answer(GateOutcome.SLOWED, reason, share=pace / slower))
+        last = self._last_pace(situation)
+        violation = self._certified(path.stretched(1.0 / last), situation).violation
         if violation is not None:
-            shortened = self._shortened(path, violation.time_s * PACES[-1], situation)
+            shortened = self._shortened(path, violation.time_s * last, situation)
             if shortened is None:
                 return GatedMotion(None, held(GateReason.LIMIT, violation.text, violation.cause))
-            path = shortened
-        for pace in PACES:
-            gated = path.stretched(1.0 / pace)
-            if not self._certified(gated, situation).safe:
-                continue
-            share = pace / slower
-            if violation is not None:
-                limit = GateReason.LIMIT, violation.cause, share, violation.text
+            if (found := self._fastest(shortened, situation)) is not None:
+                gated, pace = found
+                limit = GateReason.LIMIT, violation.cause, pace / slower, violation.text
                 return GatedMotion(gated, Answer(GateOutcome.SHORTENED, *limit))
-            if share < 1.0:
-                reason = GateReason.STOPPING if pace < 1.0 else GateReason.SPEED
-                return GatedMotion(gated, Answer(GateOutcome.SLOWED, reason, share=share))
-            return GatedMotion(gated, PASSED)
         return GatedMotion(None, held(GateReason.STOPPING, "the robot could not be stopped on this way however slow"))
+
+    def _fastest(self, path: JointPath, situation: Situation) -> tuple[JointPath, float] | None:
+        """The path as it is driven at the largest share of its speed at which it is safe, and that share; None if there
+        is none."""
+        if not self._moves(situation) and not self._certified(path.stretched(1.0 / PACES[-1]), situation).safe:
+            return None  # where it leads is not safe, however slow
+        for pace in PACES:
+            gated = self._driven(path, pace, situation)
+            if gated is not None and self._certified(gated, situation).safe:
+                return gated, pace
+        return None
+
+    def _last_pace(self, situation: Situation) -> float:
+        """Share of its speed at which a path is ended early: the smallest, but a moving robot drives the path itself
+        at its full speed only."""
+        return 1.0 if self._moves(situation) else PACES[-1]
 
     def _certified(self, path: JointPath, situation: Situation) -> Certificate:
         """Certified margins along a path, also for drives that do their worst from any point of it."""
@@ -134,14 +174,14 @@ class MotionGate:
 
     def _shortened(self, path: JointPath, violation_s: float, situation: Situation) -> JointPath | None:
         """The longest part of a path, brought to rest, that keeps the limits; None if there is none."""
-        low, high, best = 0.0, violation_s, None
+        low, high, best, last = 0.0, violation_s, None, self._last_pace(situation)
         if situation.prediction_delay_s is None:
             type1, type2, constraint, limb = (limit + ROOM for limit in situation.limits)
             situation = situation._replace(limits=(type1, type2, constraint, limb))
         for _ in range(SEARCHES):
             end_s = 0.5 * (low + high)
             rest = self._at_rest(path, end_s)
-            if rest is not None and self._certified(rest.stretched(1.0 / PACES[-1]), situation).safe:
+            if rest is not None and self._certified(rest.stretched(1.0 / last), situation).safe:
                 low, best = end_s, rest
             else:
                 high = end_s
@@ -149,9 +189,8 @@ class MotionGate:
 
     def _at_rest(self, path: JointPath, end_s: float) -> JointPath | None:
         """The path until `end_s`, with a pace that falls evenly to 0; None if the joints cannot brake like that."""
-        brakes = self._settings.deceleration_limit
-        limits = JointLimits(self._settings.velocity_limit, brakes, brakes)
-        braking_s = 2.0 * max(peak / brake for peak, brake in zip(path.peaks[0], brakes, strict=True))
+        limits = joint_limits_of(self._settings)
+        braking_s = 2.0 * max(peak / brake for peak, brake in zip(path.peaks[0], limits.acceleration, strict=True))
         braking_s = min(braking_s, 2.0 * end_s)
         if not (braking_s > 0.0 and isfinite(braking_s)):
             return None

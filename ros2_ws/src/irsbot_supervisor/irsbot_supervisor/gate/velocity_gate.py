@@ -4,17 +4,18 @@ On approach a command is scaled so that the robot can be stopped before the gate
 then on. These limits lie a little above the stop limits, so a robot commanded through the gate comes to rest before a
 STOP. Motion tangential to a limit passes; the component towards it is removed. After a STOP the robot moves at recovery
 speed. A margin that caused it and is below the end of its warning must not fall below the best value since; one that
-is above that end stays above. In doubt the answer is a hold.
+is above that end stays above. Where a margin was lost although, as by brakes that give way, motion passes that raises
+it. In doubt the answer is a hold.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import partial
 from math import inf, isfinite
 from typing import NamedTuple
 
-from irsbot_kinematics import Mechanism, Posture
+from irsbot_kinematics import Mechanism, Posture, Status
 from irsbot_msgs_py.gate_status import GateOutcome, GateReason
 from irsbot_msgs_py.records import Cause, Floats, Level
 from irsbot_supervisor.core.box_search import largest_margins, margins_of_bounds
@@ -27,6 +28,7 @@ from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.core.stopping import StoppingPredictor, limits_of, raised, release_of
 from irsbot_supervisor.core.view import View
 from irsbot_supervisor.gate.answer import PASSED, Answer, held
+from irsbot_supervisor.gate.shares import WHOLE, Shares
 
 RESERVE = 0.02
 """1: share above the stop limits that a command keeps, so that the gate does not cause the stop that it should avoid:
@@ -36,11 +38,8 @@ DIP = 0.002
 """1: how far the bound of a way out may lie below the best margin since the stop. Bounds over boxes of joints are
 slightly below the margins; in boxes around eighths of a slow path, by less than this."""
 
-STEP = 1.25
-"""1: largest increase of the allowed share from one command to the next."""
-
-LEAST = 0.01
-"""1: smaller shares of a command count as 0."""
+PREDICTIONS = 3
+"""Largest number of shares of a command that are tried in one call: each may take as long as the worst sample."""
 
 NOTHING_GAINED: Margins = (-inf, -inf, -inf, -inf)
 """Margins to keep on a way out that has not begun."""
@@ -62,13 +61,22 @@ class Allowance(NamedTuple):
     """Margins that the motion must keep."""
 
 
+class Limits(NamedTuple):
+    """Margins that a motion must keep."""
+
+    always: Margins
+    """Every motion."""
+    raising: Margins
+    """A motion of the way out that raises the margin; not above `always`, and below it where a margin was lost."""
+
+
 class Gate:
     """Passes the safe part of velocity commands of one robot, and computes the limits for trajectories."""
 
     def __init__(self, settings: Settings, mechanism: Mechanism) -> None:
         self._mechanism = mechanism
         self._best = NOTHING_GAINED  # since the robot stood after a stop, or since the gate's limit was crossed
-        self._along = self._inward = 1.0  # shares of the last command that were allowed
+        self._shares = WHOLE  # of the last command: allowed, or to be tried next
         self._kind = 0  # the margin that limited it
         self._stood = False  # since the stop that is in force
         self._last: Floats = ()  # the requested rates
@@ -79,7 +87,6 @@ class Gate:
         self._settings = settings
         self._predictor = StoppingPredictor(settings, self._mechanism)
         self._speed = settings.velocity_limit
-        self._slow = settings.standstill_speed
         self._share = settings.recovery_share
         self._beat_s, self._latency_s = settings.heartbeat_s, settings.latency_s
         self._lag_s = settings.heartbeat_s + settings.latency_s  # until the drives follow the next command
@@ -97,16 +104,21 @@ class Gate:
             return Allowed(hold, held(GateReason.INVALID, f"{len(hold)} finite velocities are needed"))
         if view is None:
             return Allowed(hold, held(GateReason.UNKNOWN))
-        share, limits = self.allowance(view)
+        stopped = view.judgement.level == Level.STOP
+        share = self._allowed_share(view)
         if not share > 0.0:
-            return Allowed(hold, held(GateReason.STOP if view.judgement.level == Level.STOP else GateReason.UNKNOWN))
+            return Allowed(hold, held(GateReason.STOP if stopped else GateReason.UNKNOWN))
+        limits = self._limits(view)
         excess = max(self._excess(wanted) / share, 1.0)
         rates = tuple(rate / excess for rate in wanted)
         kept = self._kept(view, rates, share, limits)
         inside = self._position.kept(view.at.joints, kept, partial(self._followed, view), view.prediction_delay_s)
         if inside != kept:
+            kind = self._beyond(view, inside, limits) if stopped else None  # the path of a way out is another one now
+            if kind is not None:
+                return self._limited(hold, wanted, MARGIN_CAUSES[kind])
             return self._limited(inside, wanted, Cause.POSITION)
-        if not self._along == self._inward == 1.0:
+        if self._shares != WHOLE:
             return self._limited(kept, wanted, MARGIN_CAUSES[self._kind])
         if excess > 1.0:
             return Allowed(kept, Answer(GateOutcome.SLOWED, GateReason.SPEED, share=1.0 / excess))
@@ -120,32 +132,33 @@ class Gate:
         return Allowed(rates, Answer(GateOutcome.LIMITED, GateReason.LIMIT, int(cause), share))
 
     def allowance(self, view: View) -> Allowance:
-        """Speed share and margins of a motion that begins now. Every call counts: it remembers the best margins since a
-        stop."""
+        """Speed share and margins of a trajectory that begins now. Every call counts: it remembers the best margins
+        since a stop."""
         share = self._allowed_share(view)
-        return Allowance(share, self._limits(view) if share > 0.0 else self._keep)
+        return Allowance(share, self._limits(view).always if share > 0.0 else self._keep)
 
     def _allowed_share(self, view: View) -> float:
         """Share of the speed limits that a command may use now; 0 means hold. After a STOP the robot has to stand
         first: the way out begins there, and the margin lost during braking was never gained."""
         level = view.judgement.level
         if level == Level.STOP:
-            if not self._stood and all(abs(rate) <= self._slow for rate in view.velocity):
+            if not self._stood and view.standing:
                 self._stood, self._best = True, NOTHING_GAINED
             return self._share if self._stood else 0.0
         self._stood = False
         return view.judgement.speed_scale if level < Level.STOP else 0.0
 
-    def _limits(self, view: View) -> Margins:
+    def _limits(self, view: View) -> Limits:
         """Margins that a motion from here must keep: the gate's limits or, on the way out, the best margins since the
-        stop as far as they are below the end of their warnings."""
+        stop as far as they are below the end of their warnings. The best margins stay what they were if they are lost:
+        else every loss could be followed by another."""
         stopped_by = view.judgement.causes if view.judgement.level == Level.STOP else 0
         if view.judgement.level == Level.STOP:
             certified = margins_of_bounds(self._mechanism.certified_bounds(view.at, self._error, self._slack_m))
         else:  # the margins that it would keep at rest here
             rest = excess(self._settings, 0.5 * view.expected_s)
             certified = self._predictor.predict(view.at, Speeds(rest, rest), view.prediction_delay_s, self._keep)
-        limits, best = [], []
+        limits, raising, best = [], [], []
         for kind, now, last, keep, stop, inside in zip(
             MARGIN_CAUSES, certified, self._best, self._keep, self._stop, self._inside, strict=True
         ):
@@ -153,32 +166,54 @@ class Gate:
             if view.judgement.bypassed & kind:  # it may be lost: an operator has said so
                 best.append(-inf)
                 limits.append(-inf)
+                raising.append(-inf)
                 continue
             gained = max(now, last) if caused or now < keep else -inf
             best.append(gained)
             least = gained - DIP
             limits.append(min(least, inside) if caused else min(keep, max(least, stop)) if gained > -inf else keep)
+            raising.append(min(limits[-1], now - DIP if caused else max(now - DIP, stop)))
         self._best = (best[0], best[1], best[2], best[3])
-        return limits[0], limits[1], limits[2], limits[3]
+        return Limits((limits[0], limits[1], limits[2], limits[3]), (raising[0], raising[1], raising[2], raising[3]))
 
     def _excess(self, rates: Sequence[float]) -> float:
         """Factor by which the fastest joint exceeds its limit."""
         return max(abs(rate) / limit for rate, limit in zip(rates, self._speed, strict=True))
 
-    def _beyond(self, view: View, rates: Floats, limits: Margins) -> int | None:
+    def _beyond(self, view: View, rates: Floats, limits: Limits) -> int | None:
         """The margin that cannot be kept at these rates; None if all can."""
         if not any(rates):
             return None
         if view.judgement.level == Level.STOP:  # a way out begins where nothing can be stopped: the slow command counts
-            certified = self._predictor.along(view.at, rates, view.prediction_delay_s + self._lag_s, limits)
+            wanted = self._way_out(view, rates, limits)
+            certified = self._predictor.along(view.at, rates, view.prediction_delay_s + self._lag_s, wanted)
         else:
-            speeds, moved = self._followed(view, rates)
-            certified = self._predictor.predict(view.at, speeds, view.prediction_delay_s, limits, moved)
-        if all(have >= want for have, want in zip(certified, limits, strict=True)):
+            wanted, (speeds, moved) = limits.always, self._followed(view, rates)
+            certified = self._predictor.predict(view.at, speeds, view.prediction_delay_s, wanted, moved)
+        if all(have >= want for have, want in zip(certified, wanted, strict=True)):
             return None
         now = margins_of(view.at)  # where nothing can be bounded, the nearest limit speaks
-        lack = [(have - want, have_now - want) for have, have_now, want in zip(certified, now, limits, strict=True)]
+        lack = [(have - want, have_now - want) for have, have_now, want in zip(certified, now, wanted, strict=True)]
         return lack.index(min(lack))
+
+    def _way_out(self, view: View, rates: Floats, limits: Limits) -> Margins:
+        """Margins that these rates must keep on the way out: a margin that was lost may be raised from where it is."""
+        type1, type2, constraint, limb = (
+            less if less < limit and self._raises(view, rates, kind) else limit
+            for kind, (limit, less) in enumerate(zip(*limits, strict=True))
+        )
+        return type1, type2, constraint, limb
+
+    def _raises(self, view: View, rates: Floats, kind: int) -> bool:
+        """True if a margin is larger than here at the next heartbeat, and where joints at these rates brake at the
+        latest. Its slopes do not show it: where two legs share the smallest margin they are means."""
+        here = margins_of(view.at)[kind]
+        for after_s in (self._beat_s, view.prediction_delay_s + self._lag_s):
+            there = [q + rate * after_s for q, rate in zip(view.at.joints, rates, strict=True)]
+            at = self._mechanism.track(tuple(there), view.at)
+            if not (at.status == Status.SOLVED and margins_of(at)[kind] > here):
+                return False
+        return True
 
     def _followed(self, view: View, rates: Floats) -> tuple[Speeds, tuple[Floats, Floats]]:
         """Bounds of the joint speeds after the joints have followed a command for a heartbeat, and of the motion until
@@ -197,28 +232,44 @@ class Gate:
                 ways.append(sign * (begin * self._latency_s + max(0.5 * (begin + end), end) * self._beat_s))
         return Speeds(tuple(forward), tuple(backward)), (tuple(low), tuple(high))
 
-    def _kept(self, view: View, rates: Floats, share: float, limits: Margins) -> Floats:
-        """The part of the rates that keeps the limits. The whole of a new command is tried; otherwise the search begins
-        with the last allowed share: a little more, the same, less. So a command needs a few predictions, not a
-        search."""
-        if self._along == self._inward == 1.0 or rates != self._last:
-            kind = self._beyond(view, rates, limits)
-            self._last = rates
-            if kind is None:
-                self._along = self._inward = 1.0
+    def _kept(self, view: View, rates: Floats, share: float, limits: Limits) -> Floats:
+        """The part of the rates that keeps the limits. The whole of a new command is tried; else the last allowed share
+        and a little more, or less. Samples wait meanwhile: what is not found with PREDICTIONS is sought further in the
+        next call, and the robot is held until then."""
+        left = PREDICTIONS
+        if self._shares == WHOLE or rates != self._last:
+            self._last, left = rates, left - 1
+            if self._passes(view, rates, limits):
+                self._shares = WHOLE
                 return rates
-            self._kind = kind
         along, inward = self._split(view.at, rates, self._kind)
         if (faster := self._excess(along) / share) > 1.0:  # a part can have a component that the whole has not
             along, inward = tuple(r / faster for r in along), tuple(r / faster for r in inward)
-        for shares in _fewer(self._along, self._inward):
-            self._along, self._inward = shares
-            kept = tuple(shares[0] * a + shares[1] * b for a, b in zip(along, inward, strict=True))
-            kind = self._beyond(view, kept, limits)
-            if kind is None:
-                return kept
-            self._kind = kind
-        raise AssertionError("standing still is always allowed")
+
+        def part(shares: Shares) -> Floats:
+            return tuple([shares.along * a + shares.inward * b for a, b in zip(along, inward, strict=True)])
+
+        towards = any(inward)
+        last = self._shares if towards or self._shares.along < 1.0 else WHOLE
+        if left == PREDICTIONS or last != WHOLE or faster > 1.0:  # else it has been tried
+            left -= 1
+            if self._passes(view, part(last), limits):
+                more = last.more
+                self._shares = more if more != last and self._passes(view, part(more), limits) else last
+                return part(self._shares)
+        for shares in last.fewer(towards):
+            self._shares, left = shares, left - 1
+            if left < 0:
+                break
+            if self._passes(view, part(shares), limits):
+                return part(shares)
+        return (0.0,) * len(rates)
+
+    def _passes(self, view: View, rates: Floats, limits: Limits) -> bool:
+        """True if all margins can be kept at these rates."""
+        kind = self._beyond(view, rates, limits)
+        self._kind = self._kind if kind is None else kind
+        return kind is None
 
     def _split(self, at: Posture, rates: Floats, kind: int) -> tuple[Floats, Floats]:
         """Rates along the level lines of a margin, and the part that decreases it. In units of the speed limits."""
@@ -230,21 +281,3 @@ class Gate:
             return rates, (0.0,) * len(rates)
         inward = tuple(towards / square * s * limit for s, limit in zip(slope, speed, strict=True))
         return tuple(rate - part for rate, part in zip(rates, inward, strict=True)), inward
-
-
-def _fewer(along: float, inward: float) -> Iterator[tuple[float, float]]:
-    """Shares of the motion along a limit and towards it: from a little more than now down to none."""
-    if along == 1.0:
-        towards = inward
-        yield 1.0, min(max(inward, LEAST) * STEP, 1.0)
-        while towards >= LEAST:
-            yield 1.0, towards
-            towards /= STEP
-    elif along >= LEAST:
-        yield min(along * STEP, 1.0), 0.0
-    else:
-        along = LEAST * STEP
-    while along >= LEAST:
-        yield along, 0.0
-        along /= STEP
-    yield 0.0, 0.0

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from queue import SimpleQueue
+from contextlib import suppress
+from queue import Empty, SimpleQueue
 from threading import Thread
 from typing import NamedTuple
 
@@ -42,10 +43,12 @@ class Certifier:
     """Certifies the newest trajectory command in its own thread."""
 
     def __init__(self, motions: MotionGate, done: Callable[[Task, GatedMotion], None]) -> None:
-        """motions: the gate that certifies. done: called by the thread with every result."""
+        """motions: the gate that certifies. done: called by the thread with every result; its errors are kept for
+        `failed`."""
         self.motions = motions
         self._done = done
         self._work: SimpleQueue[Task | None] = SimpleQueue()
+        self._failed: SimpleQueue[tuple[Task, Exception]] = SimpleQueue()
         self._thread = Thread(target=self._run, name="command gate", daemon=True)
         self._thread.start()
 
@@ -56,8 +59,17 @@ class Certifier:
 
     def drop(self) -> None:
         """Drop the waiting commands."""
-        while not self._work.empty():
-            self._work.get()
+        with suppress(Empty):  # the thread takes from the same queue: to wait for a command could mean for ever
+            while True:
+                self._work.get_nowait()
+
+    def failed(self) -> list[tuple[Task, Exception]]:
+        """Commands whose results were not handled since the last call, and why. For the executor's thread."""
+        failed = []
+        with suppress(Empty):
+            while True:
+                failed.append(self._failed.get_nowait())
+        return failed
 
     def end(self) -> None:
         """End the thread; a command that is still being certified is dropped."""
@@ -72,4 +84,7 @@ class Certifier:
                 motion = self.motions.motion(task.command, task.situation)
             except Exception as error:  # an error inside holds the robot
                 motion = GatedMotion(None, held(GateReason.INTERNAL, f"{type(error).__name__}: {error}"))
-            self._done(task, motion)
+            try:
+                self._done(task, motion)
+            except Exception as error:  # the thread goes on, and the executor's thread reports it
+                self._failed.put((task, error))

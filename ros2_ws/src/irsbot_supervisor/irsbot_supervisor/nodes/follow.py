@@ -73,9 +73,11 @@ class FollowServer:
             return
         result = self._action.Result
         view = self._supervisor.view
-        if goal.is_cancel_requested:
+        if goal.is_cancel_requested and self._gate.commands == self._number:
             self._gate.halt(GateReason.CANCELLED)
             self._end("canceled", result.SUCCESSFUL, "cancelled: the robot is held")
+        elif goal.is_cancel_requested:
+            self._end("canceled", result.SUCCESSFUL, "cancelled: another command came")
         elif self._gate.commands != self._number:
             self._end("abort", result.INVALID_GOAL, "another command came")
         elif self._outcome is None:

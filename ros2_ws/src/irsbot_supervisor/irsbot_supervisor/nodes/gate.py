@@ -54,10 +54,10 @@ class CommandGate:
         self.configure(settings)
         self._wanted: tuple[tuple[float, ...], int] | None = None  # commanded rates, and when
         self.stops = 0
-        """Number of times that the level rose to STOP or UNKNOWN, or the gate was closed."""
+        """Number of holds that end every motion: at STOP, at UNKNOWN, after a cancelled goal, and at closing."""
         self.commands = 0
         """Number of commands of every kind."""
-        self._stopped = True
+        self._level = Level.UNKNOWN  # at the last heartbeat
         self._alive_ns = self._doubt_ns = 0  # when this process was awake last; until when commands may have waited
         self._open = False
         self._out.tell(GateCommand.NONE, held(GateReason.INACTIVE))
@@ -76,7 +76,7 @@ class CommandGate:
         self._gate = Gate(self._settings, self._robot.mechanism)
         self._out.begin()
         self._alive_ns = time.monotonic_ns()
-        self._open = self._stopped = True
+        self._open, self._level = True, Level.UNKNOWN
         self._out.tell(GateCommand.NONE, held(GateReason.NO_COMMAND))
 
     def close(self) -> None:
@@ -137,9 +137,12 @@ class CommandGate:
 
     def _beat(self, seen_ns: int) -> None:
         self._is_new()
+        for task, error in self._certifier.failed():
+            self._fail(error)  # UNKNOWN, and so a hold
+            self._refuse(held(GateReason.INTERNAL, f"{type(error).__name__}: {error}"), task.answered)
         view = self._look()
-        stopped = view is None or view.judgement.level >= Level.STOP
-        if stopped and not self._stopped:
+        level = Level.UNKNOWN if view is None else view.judgement.level
+        if level > self._level and level >= Level.STOP:  # also from STOP to UNKNOWN: that ends a way out
             with self._out.lock:
                 self.stops += 1
                 self._out.hold()
@@ -148,7 +151,7 @@ class CommandGate:
                     self._out.tell(told[0], held(GateReason.UNKNOWN if view is None else GateReason.STOP))
         elif view is not None:
             self._out.settle(self._supervisor)
-        self._stopped = stopped
+        self._level = level
         if self._wanted is not None:
             self._pass_velocity(view, seen_ns)
 

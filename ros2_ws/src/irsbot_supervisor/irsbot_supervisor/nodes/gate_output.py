@@ -101,7 +101,9 @@ class GateOutput:
         if known is None:
             return
         if self._held is None or self._held[0] != known.seen_ns:
-            age_s = min((time.monotonic_ns() - known.seen_ns) / NS_PER_S, settings.stale_s)  # later it is no knowledge
+            came_s = known.prediction_delay_s - known.expected_s  # age on arrival
+            since_s = (time.monotonic_ns() - known.seen_ns) / NS_PER_S
+            age_s = min(came_s + since_s, settings.stale_s)  # later it is no knowledge
             brakes, shortest_s = settings.deceleration_limit, settings.heartbeat_s
             rest = hold(known.at.joints, known.velocity, brakes, age_s, settings.latency_s, shortest_s)
             self._held = known.seen_ns, rest
