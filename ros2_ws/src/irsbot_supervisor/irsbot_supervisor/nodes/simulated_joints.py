@@ -11,6 +11,7 @@ from queue import SimpleQueue
 
 from irsbot_msgs.msg import Verdict
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -78,8 +79,8 @@ class SimulatedJointsNode(Node):
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
         self.get_logger().info(f"{self._robot.name}: {scenario.name}, {scenario.description}")
-        self._heard = False
-        self._patience = self.create_timer(LONELY_S, self._tell_of_silence)
+        self._heard, steady = False, Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
+        self._patience = self.create_timer(LONELY_S, self._tell_of_silence, clock=steady)
         self._ros_time = RosTime(self.get_clock())
         self._moves_ns = time.monotonic_ns() + round(self._simulation.start_delay_s * NS_PER_S)
         self._pacer = Pacer(self._simulation.rate_hz, self._cycle, self._fail)
