@@ -3,6 +3,7 @@ nodes are recorded, not started."""
 
 from __future__ import annotations
 
+import re
 import runpy
 import signal
 import subprocess
@@ -276,4 +277,7 @@ def test_an_executable_without_one_of_its_libraries_names_it_in_one_line(library
         [sys.executable, "-c", LOADING.format(library=library, then=then)], capture_output=True, text=True, timeout=30
     )
     assert done.returncode == 2
-    assert done.stderr.splitlines() == [f"the Python library '{library}' is missing: install it, as the README says"]
+    (line,) = done.stderr.splitlines()
+    assert f"the Python library '{library}' is missing" in line
+    (page,) = re.findall(r"docs/\S+\.md", line)
+    assert library in (FILE.parents[4] / page).read_text()
