@@ -132,7 +132,11 @@ def scene(tmp_path: Path) -> Iterator[Scene]:
 
 @pytest.mark.parametrize(
     ("number", "parameters"),
-    [(signal.SIGINT, []), (signal.SIGTERM, []), (signal.SIGINT, ["use_sim_time:=true"])],  # with a clock that stands
+    [
+        (signal.SIGINT, []),
+        (signal.SIGTERM, ["keep_s:=10"]),  # for ROS an integer
+        (signal.SIGINT, ["use_sim_time:=true"]),  # with a clock that stands
+    ],
 )
 def test_everything_that_was_sent_is_in_the_bag_when_a_signal_closes_it(
     scene: Scene, number: signal.Signals, parameters: list[str]

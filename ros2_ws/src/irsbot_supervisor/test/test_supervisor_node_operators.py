@@ -83,6 +83,8 @@ def test_a_parameter_dump_of_the_ros2_tools_is_accepted_and_changes_nothing(cell
         ("load_force_n", "10", 10.0),
         ("encoder_resolution", "1e-05", 1e-5),
         ("velocity_limit", "[12, 12]", [12.0, 12.0]),
+        ("velocity_limit", "8.0", [8.0]),  # one value for all joints
+        ("velocity_limit", "8", [8.0]),
     ],
 )
 def test_a_typed_value_of_the_ros2_tools_is_accepted(cell: Cell, name: str, text: str, kept: Any):
@@ -102,6 +104,23 @@ def test_a_typed_value_that_means_nothing_is_refused(cell: Cell, name: str, text
     (result,) = cell.call(SetParameters, "supervisor/set_parameters", request).results
     assert not result.successful
     assert result.reason
+
+
+def test_a_value_at_the_start_is_taken_as_in_a_set_call(wire: Wire):
+    """`up --params` accepts these, and must not start a suite that ends at once."""
+    given = {
+        "payload_kg": (2, 2.0),
+        "latency_s": (0, 0.0),
+        "velocity_limit": (6.0, [6.0]),
+        "reaction_check": (False, "none"),
+    }
+    cell = Cell(wire, **{name: value for name, (value, _taken) in given.items()})
+    request = GetParameters.Request(names=list(given))
+    values = [
+        parameter_value_to_python(v) for v in cell.call(GetParameters, "supervisor/get_parameters", request).values
+    ]
+    taken = [value if isinstance(value, (str, float)) else list(value) for value in values]
+    assert taken == [wanted for _value, wanted in given.values()]
 
 
 def test_counted_bending_is_computed_at_the_start_and_cannot_grow_unstated(wire: Wire):

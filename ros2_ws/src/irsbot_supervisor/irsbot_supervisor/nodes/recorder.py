@@ -11,7 +11,6 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from irsbot_msgs.msg import GateStatus, SingularityState, Verdict
 from irsbot_msgs.msg import RecorderHealth as RecorderHealthMsg
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -32,6 +31,7 @@ from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.bag.journal import Configuration, JournalError, read_entry
 from irsbot_supervisor.bag.topics import installed_topic
 from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.nodes.declared import Limits, declare, descriptor
 from irsbot_supervisor.nodes.endpoints import publisher
 from irsbot_supervisor.nodes.polled_subscriptions import PolledSubscriptions, Source, Taken
 
@@ -55,7 +55,7 @@ TOPICS: dict[str, tuple[str, Any, bool]] = {
     "markers": ("", MarkerArray, False),  # drawn for whoever listens: 0.1 MB/s and time of the supervisor
 }
 # Parameter, its default, description and range. All are read at the start alone.
-PARAMETERS: dict[str, tuple[Any, str, tuple[float, float] | None]] = {
+PARAMETERS: dict[str, tuple[Any, str, Limits | None]] = {
     "output": ("", "new directory, or file with the suffix .mcap; empty: here, named after namespace and time", None),
     "numbered": (False, "if output exists, the bag goes to output_2, output_3 and so on, as if output is empty", None),
     "mode": ("all", "'all', or 'blackbox': only the time around a stop", None),
@@ -81,7 +81,10 @@ class RecorderNode(Node):
         super().__init__("recorder")
         self.exit_code: int | None = None
         self.bystander = True
-        given = {name: self._parameter(name, *described) for name, described in PARAMETERS.items()}
+        given = {
+            name: declare(self, name, default, descriptor(text, limits))
+            for name, (default, text, limits) in PARAMETERS.items()
+        }
         mode, self._reserve_bytes = given["mode"], MIB * given["reserve_mib"]
         if mode not in ("all", "blackbox"):
             raise UsageError(f"mode is 'all' or 'blackbox', not '{mode}'")
@@ -199,14 +202,6 @@ class RecorderNode(Node):
         )
         self._slowest_s = 0.0
         self._health.publish(health_msg(record))
-
-    def _parameter(self, name: str, default: Any, text: str, limits: tuple[float, float] | None) -> Any:
-        descriptor = ParameterDescriptor(description=text, read_only=True)
-        if limits is not None and isinstance(default, float):
-            descriptor.floating_point_range = [FloatingPointRange(from_value=limits[0], to_value=limits[1])]
-        elif limits is not None:
-            descriptor.integer_range = [IntegerRange(from_value=int(limits[0]), to_value=int(limits[1]))]
-        return self.declare_parameter(name, default, descriptor).value
 
 
 def _type(kind: Any) -> str:
