@@ -37,13 +37,12 @@ def policy_of(name: str) -> str:
     from irsbot_supervisor.nodes import access
     from irsbot_supervisor.nodes.suite import NODES
 
-    if name == "operator":
-        return access.operators()
-    if name not in NODES:
-        refuse(f"no node '{name}'; there are {', '.join(NODES)} and operator")
+    makers = {**NODES, "operator": access.OperatorNode}
+    if name not in makers:
+        refuse(f"no node '{name}'; there are {', '.join(makers)}")
     with tempfile.TemporaryDirectory() as folder:
         rclpy.init(args=["--ros-args", "-p", f"output:={folder}/bag", "--log-level", "error"], domain_id=free_domain())
-        made: Any = NODES[name]()
+        made: Any = makers[name]()
         try:
             return access.policy(name, access.access_of(made))
         finally:
