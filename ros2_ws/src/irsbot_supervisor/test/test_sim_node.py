@@ -278,8 +278,8 @@ def test_every_limit_of_the_simulation_is_in_the_description_of_its_parameter(se
     assert len(limited) == 5
     for name, limits in limited.items():
         described = node.describe_parameter(name)
-        (found,) = [*described.floating_point_range, *described.integer_range]
-        assert (found.from_value, found.to_value) == limits, name
+        ranges = [*described.floating_point_range, *described.integer_range]
+        assert [(found.from_value, found.to_value) for found in ranges] == [limits], name
         assert described.description
         assert described.read_only
     node.destroy_node()
