@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import subprocess
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 SEARCH_PATHS = ("PATH", "LD_LIBRARY_PATH", "PYTHONPATH", "AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH", "PKG_CONFIG_PATH")
@@ -53,6 +53,15 @@ def prepend(paths: SearchPaths, env: Mapping[str, str]) -> dict[str, str]:
         theirs = [entry for entry in env.get(name, "").split(os.pathsep) if entry and entry not in ours]
         merged[name] = os.pathsep.join([*ours, *theirs])
     return merged
+
+
+def without(folders: Sequence[Path], env: Mapping[str, str]) -> dict[str, str]:
+    """The same environment without entries of search paths in or below these folders."""
+    kept = dict(env)
+    for name in {*SEARCH_PATHS, "COLCON_PREFIX_PATH"} & set(env):
+        entries = env[name].split(os.pathsep)
+        kept[name] = os.pathsep.join(e for e in entries if not any(Path(e).is_relative_to(f) for f in folders))
+    return kept
 
 
 def workspace_paths(install: Path) -> SearchPaths:

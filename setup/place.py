@@ -30,13 +30,17 @@ class Place:
         return self.root / "ros2_ws"
 
     @property
+    def build(self) -> Path:
+        return self.workspace / "build"
+
+    @property
     def install(self) -> Path:
         return self.workspace / "install"
 
     @property
     def paths_file(self) -> Path:
         """File with the additions of the built workspace to the search paths."""
-        return self.workspace / "build" / "irsbot_paths.json"
+        return self.build / "irsbot_paths.json"
 
     @property
     def compiled(self) -> Path:
@@ -46,7 +50,7 @@ class Place:
     @property
     def byte_code(self) -> Path:
         """Byte code, where Python must not write it beside the modules; gone with the next build."""
-        return self.workspace / "build" / "byte_code"
+        return self.build / "byte_code"
 
     @property
     def log(self) -> Path:
@@ -58,8 +62,10 @@ class Place:
         return self.python if self.sourced else str(self.venv / "bin" / "python")
 
     def underlay(self) -> dict[str, str]:
-        """The environment of ROS 2 without the workspace."""
-        return dict(os.environ) if self.sourced else environment.with_wheels(self.venv, os.environ)
+        """The environment of ROS 2 without the workspace, which may be sourced too."""
+        if self.sourced:
+            return environment.without((self.install, self.build), os.environ)
+        return environment.with_wheels(self.venv, os.environ)
 
     def environment(self) -> dict[str, str]:
         """The environment of irsbot after the set-up."""

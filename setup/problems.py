@@ -8,6 +8,7 @@ import re
 import shutil
 import subprocess
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 NEEDED_BYTES = 2_500_000_000  # 1.2 GB of environment and workspace, 0.5 GB of downloads, and room to work
@@ -52,6 +53,18 @@ def need_compilers() -> None:
                 f"a working {language.upper()} compiler is missing: install one, for instance with "
                 "'apt install build-essential'"
             )
+
+
+def need_own_build(stamp: Path, folders: Sequence[Path]) -> None:
+    """Raise if a colcon build of the user is in these folders: nodes may run from it.
+
+    stamp: file that the set-up writes before it builds.
+    """
+    if not stamp.exists() and any(entry.is_dir() for folder in folders for entry in folder.glob("*")):
+        raise ProblemError(
+            f"{' and '.join(map(str, folders))} hold a build that ./irsbot did not make: remove both folders, or use "
+            "the command of that build, 'ros2 run irsbot_supervisor irsbot'"
+        )
 
 
 def _compiles(command: list[str], language: str, header: str) -> bool:

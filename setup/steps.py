@@ -59,10 +59,9 @@ class Step:
 def all_steps(place: Place) -> list[Step]:
     """Every step in order, each with the key of the one before as its base."""
     python = fingerprint([FORMAT, str(place.root), place.python, "{}.{}".format(*sys.version_info)])
-    build = place.workspace / "build"
     built = (place.install / "local_setup.bash", place.paths_file)
     if place.sourced:
-        ros = fingerprint([python, os.environ["AMENT_PREFIX_PATH"]])
+        ros = fingerprint([python, place.underlay()["AMENT_PREFIX_PATH"]])
         before = []
     else:
         ros = fingerprint([python, (place.root / "setup" / "requirements.txt").read_bytes()])
@@ -72,7 +71,7 @@ def all_steps(place: Place) -> list[Step]:
             Step("ROS 2 and libraries", venv / "irsbot_ros.json", (), python, ros, work.install_libraries),
         ]
     workspace = fingerprint([ros, *workspace_parts(place.workspace / "src")])
-    return [*before, Step("workspace", build / "irsbot_build.json", built, ros, workspace, work.build_workspace)]
+    return [*before, Step("workspace", place.build / "irsbot_build.json", built, ros, workspace, work.build_workspace)]
 
 
 def missing_steps(place: Place) -> list[Step]:
@@ -135,6 +134,7 @@ def alone(place: Place) -> Iterator[int]:
 
 def _need_everything_for(place: Place, steps: list[Step]) -> None:
     """Raise ProblemError if the machine lacks something, before any work is done."""
+    problems.need_own_build(steps[-1].stamp, (place.build, place.install))
     problems.need_compilers()
     if place.sourced:
         problems.need_tools("colcon", "cmake")

@@ -94,7 +94,7 @@ def _correct_exports(place: Place) -> None:
 def _remove_stale_builds(place: Place, *, everything: bool) -> None:
     """Remove the build of packages that no longer exist, or of all if it was interrupted or had another base."""
     present = packages(place.workspace / "src")
-    for built in (place.workspace / "build", place.install):
+    for built in (place.build, place.install):
         for package in built.glob("*"):
             if package.is_dir() and (everything or package.name not in present):
                 shutil.rmtree(package)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import os
+import re
 import subprocess
 import sys
 import xml.etree.ElementTree as ElementTree
@@ -31,9 +32,18 @@ KEYS = {
 }
 """Module -> rosdep key of an Ubuntu 24.04 package. ROS packages are their own keys."""
 
+KNOWN_KEYS = {*KEYS.values(), "python3-pytest", "python3-hypothesis", "python3-sympy"}
+"""Keys of libraries that were looked up in rosdistro: a package of Ubuntu is not always a key of the same name."""
+
+DISTRIBUTIONS = {"foxglove": "foxglove-sdk", "pinocchio": "pin"}
+"""Module -> name at pip, where they differ."""
+
 WITHOUT_KEY = {"mcap", "lz4", "zstandard", "plotly", "polars", "rosbags", "websockets", "orjson", "foxglove"}
 WITHOUT_KEY |= {"dask", "distributed", "tornado", "pinocchio"}
 """Not packaged by Ubuntu 24.04 under a key that needs no pip; who needs one is told so in a sentence."""
+
+PAGES = [SRC.parents[1] / page for page in ("README.md", "docs/how_to/ros2_machine.md")]
+"""Pages that say how to install on a ROS 2 machine."""
 
 
 def imported(package: str) -> set[str]:
@@ -73,6 +83,32 @@ def test_every_import_is_declared_and_every_declared_library_imported(package: s
 @pytest.mark.parametrize("package", PACKAGES)
 def test_no_key_needs_pip(package: str) -> None:
     assert [key for key in declared(package) if key.endswith("-pip")] == []
+
+
+@pytest.mark.parametrize("package", [*PACKAGES, "irsbot_msgs"])
+def test_rosdep_knows_every_library(package: str) -> None:
+    """rosdep installs nothing if it does not know one of the keys, also of those for tests."""
+    root = ElementTree.parse(SRC / package / "package.xml").getroot()
+    keys = {entry.text or "" for entry in root if entry.tag.endswith("depend")}
+    assert {key for key in keys if key.startswith("python3-")} - KNOWN_KEYS == set()
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_the_page_installs_every_library_that_rosdep_cannot(page: Path) -> None:
+    (line,) = [line for line in page.read_text(encoding="utf-8").splitlines() if "pip install mcap" in line]
+    needed = WITHOUT_KEY - {"dask", "tornado"}  # which distributed brings
+    assert set(re.findall(r"[\w-]+", line)) >= {DISTRIBUTIONS.get(module, module) for module in needed}
+
+
+@pytest.mark.parametrize("package", [package for package in PACKAGES if package != "irsbot_msgs_py"])
+def test_executables_run_in_the_python_of_an_active_environment(package: str, tmp_path: Path) -> None:
+    """colcon of Ubuntu runs in /usr/bin/python3, which does not see the libraries of a venv."""
+    command = [sys.executable, "setup.py", "-q", "egg_info", "--egg-base", str(tmp_path)]
+    command += ["install_scripts", "--install-dir", str(tmp_path / "scripts")]
+    done = subprocess.run(command, cwd=SRC / package, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    scripts = [*(tmp_path / "scripts").iterdir()]
+    assert {file.read_text().splitlines()[0] for file in scripts} == {"#!/usr/bin/env python3"}
 
 
 @pytest.mark.parametrize("package", PACKAGES)

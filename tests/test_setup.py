@@ -280,6 +280,32 @@ def test_a_sourced_jazzy_is_used_as_it_is_and_built_upon_once(irsbot, sourced, c
     assert (tmp_path / "calls").read_text() == "build\n" * 2
 
 
+def test_a_workspace_that_is_sourced_as_well_is_the_same_workspace(irsbot, sourced, copy, tmp_path):
+    """The user sources it in one terminal, for `ros2 topic echo`, and not in the other one."""
+    workspace = copy / "ros2_ws"
+    both = {
+        **sourced,
+        "AMENT_PREFIX_PATH": f"{workspace}/install/toy:/jazzy",
+        "PYTHONPATH": f"{workspace}/build/toy:{sourced['PYTHONPATH']}",
+        "COLCON_PREFIX_PATH": f"{workspace}/install",
+    }
+    show = "import os; print(os.environ['PYTHONPATH'], os.environ['AMENT_PREFIX_PATH'])"
+    for variables in (sourced, both, sourced):
+        result = irsbot("python", "-c", show, **variables)
+        assert (result.returncode, result.stdout) == (0, f"/toy_python:{sourced['PYTHONPATH']} /toy:/jazzy\n")
+    assert (tmp_path / "calls").read_text() == "build\n"
+
+
+@pytest.mark.parametrize("folder", ["build", "install"])
+def test_a_build_of_the_user_is_left_alone(irsbot, sourced, copy, tmp_path, folder):
+    theirs = copy / "ros2_ws" / folder / "toy" / "theirs"
+    theirs.parent.mkdir(parents=True)
+    theirs.touch()
+    assert refused(irsbot("setup", **sourced), str(theirs.parents[1]), "remove")
+    assert theirs.exists()
+    assert (tmp_path / "calls").read_text() == ""
+
+
 def test_a_library_missing_beside_a_sourced_jazzy_is_named_with_its_package(irsbot, sourced):
     Path(sourced["PYTHONPATH"], "typer.py").unlink()
     assert refused(irsbot("demo", **sourced), "has no typer", "apt install python3-typer")

@@ -18,7 +18,7 @@ from command import IRSBOT, PATIENCE_S
 pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
 from irsbot_msgs.srv import EvaluateJoints
-from rcl_interfaces.srv import ListParameters
+from rcl_interfaces.srv import GetParameters, ListParameters
 
 from irsbot_supervisor.cli.app import main
 from irsbot_supervisor.cli.up import _parameters
@@ -145,6 +145,47 @@ def test_a_file_of_parameters_that_no_node_knows_is_refused(
     parameters = tmp_path / "mine.yaml"
     parameters.write_text(text)
     assert WRONG[text] in refusal(["--params", str(parameters)], tmp_path, capsys, monkeypatch)
+
+
+@pytest.mark.parametrize(
+    ("text", "options", "words"),
+    [
+        ("/**: {ros__parameters: {robot: five_bar}}", ["--robot", "irsbot2"], "robot is 'five_bar' for /kinematics"),
+        ("supervisor: {ros__parameters: {robot: five_bar}}", ["--robot", "irsbot2"], "'five_bar' for /supervisor"),
+        (
+            "/**: {ros__parameters: {robot: five_bar}}\nsupervisor: {ros__parameters: {robot: irsbot2}}",
+            [],
+            "the robot is 'five_bar' for",
+        ),
+        ("/**: {ros__parameters: {robot: nonsense}}", [], "nonsense"),
+        ("/**: {ros__parameters: {robot: 7}}", [], "robot is 7 for /recorder, must be a text"),
+        ("simulated_joints: {ros__parameters: {gated: true}}", [], "gated is True for /simulated_joints"),
+        ("simulated_joints: {ros__parameters: {scenario: nonsense}}", [], "no scenario 'nonsense'"),
+        ("recorder: {ros__parameters: {output: here}}", [], "output is 'here' for /recorder"),
+    ],
+)
+def test_a_file_that_contradicts_the_command_line_or_itself_is_refused(
+    tmp_path: Path,
+    text: str,
+    options: list[str],
+    words: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    parameters = tmp_path / "mine.yaml"
+    parameters.write_text(text)
+    assert words in refusal(["--params", str(parameters), *options], tmp_path, capsys, monkeypatch)
+
+
+@pytest.mark.parametrize("options", [[], ["--single-process"]])
+def test_every_node_gets_the_robot_of_a_limit_proposal(tmp_path: Path, options: list[str]) -> None:
+    parameters = tmp_path / "mine.yaml"
+    propose = [*IRSBOT, "limits", "five_bar", "-o", str(parameters)]
+    assert subprocess.run(propose, capture_output=True, timeout=PATIENCE_S).returncode == 0
+    with running(tmp_path / "run", "--params", str(parameters), *options) as up:
+        for node in ("supervisor", "kinematics", "simulated_joints"):
+            answer = up.ask(GetParameters, f"{node}/get_parameters", GetParameters.Request(names=["robot"]))
+            assert [value.string_value for value in answer.values] == ["five_bar"], node
 
 
 @pytest.mark.parametrize(

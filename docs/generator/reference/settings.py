@@ -7,7 +7,7 @@ from dataclasses import fields
 from typing import Any
 
 from irsbot_kinematics import robots
-from irsbot_msgs_py.process.priority import MEANING, PARAMETER, PRIORITY
+from irsbot_msgs_py.process.priority import LIMITS, MEANING, PARAMETER, PRIORITY
 from irsbot_supervisor.configuration.loading import read_settings
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.nodes import recorder, supervisor
@@ -42,17 +42,21 @@ def _settings() -> str:
 
 def _parameters() -> str:
     simulated = [
-        (code(entry.name), value(entry.default), _unit(entry.metadata), entry.metadata["text"], "no")
+        (code(entry.name), value(entry.default), _unit(entry.metadata), _ends(entry.metadata["limits"]),
+         entry.metadata["text"], "no")
         for entry in fields(Simulation)
-    ]
-    simulated.append((code("fault"), "the scenario's", "", "what goes wrong on the way to the consumer", "yes"))
-    simulated.append((code(PARAMETER), value(PRIORITY), "", MEANING, "no"))
+    ]  # fmt: skip
+    simulated.append((code("fault"), "the scenario's", "", "", "what goes wrong on the way to the consumer", "yes"))
+    simulated.append((code(PARAMETER), value(PRIORITY), "", _ends(LIMITS), MEANING, "no"))
     recorded = [
-        (code(name), value(default), "..".join(f"{end:g}" for end in limits or ()), text)
+        (code(name), value(default), _ends(limits), text)
         for name, (default, text, limits) in recorder.PARAMETERS.items()
     ]
-    others = [(code(name), value(default), text) for name, (default, text) in supervisor.PARAMETERS.items()]
-    head = ("parameter", "default", "meaning")
+    others = [
+        (code(name), value(default), _ends(limits), text)
+        for name, (default, text, limits) in supervisor.PARAMETERS.items()
+    ]
+    head = ("parameter", "default", "range", "meaning")
     return page(
         "ROS parameters",
         "## supervisor",
@@ -60,15 +64,19 @@ def _parameters() -> str:
         table(head, others),
         "## recorder",
         "All are read at the start alone. [How to record](../how_to/recorder.md).",
-        table(("parameter", "default", "range", "meaning"), recorded),
+        table(head, recorded),
         "## simulated_joints",
         "Limits default to those that are shipped for the robot. [How to simulate](../how_to/simulation.md).",
-        table(("parameter", "default", "unit", "meaning", "may change while running"), simulated),
+        table(("parameter", "default", "unit", "range", "meaning", "may change while running"), simulated),
         "## kinematics",
-        table(head, [(code("robot"), "irsbot2", "preset name or YAML file of the robot")]),
+        table(head, [(code("robot"), "irsbot2", "", "preset name or YAML file of the robot")]),
         "## Every node",
         "`use_sim_time`, and `qos_overrides` as [bring-up](../how_to/bringup.md#quality-of-service) says.",
     )
+
+
+def _ends(limits: tuple[float, float] | None) -> str:
+    return f"{limits[0]:g}..{limits[1]:g}" if limits else ""
 
 
 def _unit(metadata: Mapping[str, Any]) -> str:

@@ -16,6 +16,6 @@ setup(
     zip_safe=False,
     maintainer="irsbot maintainers",
     maintainer_email="maintainers@irsbot.example",
-    description="Plain records of what crosses a process, and their conversion to and from irsbot_msgs.",
+    description="Python records of the irsbot messages, and their conversion to and from irsbot_msgs.",
     license="Apache-2.0",
 )

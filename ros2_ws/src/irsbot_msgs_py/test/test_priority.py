@@ -10,9 +10,6 @@ import sys
 
 import pytest
 
-from irsbot_msgs_py.process.priority import checked_priority
-from irsbot_msgs_py.process.usage import UsageError
-
 PROGRAM = """
 import json, os, subprocess, sys
 from threading import Event, Thread
@@ -88,9 +85,3 @@ def test_without_the_right_nothing_changes_and_the_remedy_is_named():
 
 def test_no_priority_is_no_change():
     assert stated(0) == ("", [0, 0, 0], 0, 0, 0)
-
-
-@pytest.mark.parametrize("priority", [-1, 100])
-def test_a_number_that_is_no_priority_is_refused(priority: int):
-    with pytest.raises(UsageError, match=r"0 or 1\.\.99"):
-        checked_priority(priority)

@@ -7,28 +7,24 @@ from collections.abc import Mapping
 from typing import Any
 
 from launch import LaunchContext, LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction, TimerAction
+from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction, TimerAction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from irsbot_supervisor.nodes.launch_arguments import ARGUMENTS, Given, ended, given
+from irsbot_supervisor.nodes.launch_arguments import ARGUMENTS, Given, ended, given, parameters_of
 from irsbot_supervisor.processes.suite import GATED
 
 RESPAWN_DELAY_S = 1.0
 
 
-def _node(package: str, name: str, stated: Given, **parameters: object) -> Node:
-    """What the command line says wins over the file."""
-    more: dict[str, object] = {"use_sim_time": True} if stated.use_sim_time else {}
+def _node(name: str, stated: Given, parameters: Mapping[str, Any]) -> Node:
     return Node(
-        package=package,
+        package="irsbot_kinematics" if name == "kinematics" else "irsbot_supervisor",
         executable=f"{name}_node",
         namespace=stated.namespace,
-        parameters=[*([stated.params_file] if stated.params_file else []), {**parameters, **more}],
+        parameters=[*filter(None, [stated.params_file, dict(parameters)])],
         ros_arguments=["--log-level", stated.log_level],
         output="screen",
-        respawn=stated.respawn and name != "supervisor",
-        respawn_delay=RESPAWN_DELAY_S,
         on_exit=lambda event, context: _ended(name, stated, parameters, event.returncode, context.is_shutdown),
         remappings=list(_remaps(name, stated).items()),
     )
@@ -39,29 +35,24 @@ def _remaps(name: str, stated: Given) -> dict[str, str]:
     return {**stated.topics, **{topic: stated.topics.get(other, other) for topic, other in gated.items()}}
 
 
-def _ended(name: str, stated: Given, parameters: Mapping[str, Any], code: int, asked: bool) -> list[TimerAction]:
-    """What follows the end of a node; an error here ends the launch with exit code 1. asked: the launch is ending.
-    A supervisor comes back otherwise than it began: with a latched UNKNOWN."""
-    ended(name, code, asked)
-    if asked or not stated.respawn or name != "supervisor":
-        return []
-    again = _node("irsbot_supervisor", name, stated, **{**parameters, "start_latched": True})
-    return [TimerAction(period=RESPAWN_DELAY_S, actions=[again])]
+def _ended(
+    name: str, stated: Given, parameters: Mapping[str, Any], code: int, asked: bool
+) -> list[LogInfo | TimerAction]:
+    """Return the actions after the end of a node. An exception ends the launch with exit code 1.
+
+    asked: True if the launch is shutting down.
+    """
+    end = ended(name, stated, code, asked)
+    again = [_node(name, stated, {**parameters, **end.changes})] if end.again else []
+    told = [LogInfo(msg=end.text)] if end.text else []
+    return [*told, *(TimerAction(period=RESPAWN_DELAY_S, actions=[node]) for node in again)]
 
 
 def _nodes(context: LaunchContext) -> list[Node]:
     texts: Mapping[str, str] = {name: LaunchConfiguration(name).perform(context) for name, *_ in ARGUMENTS}
     stated = given(texts)
-    nodes = [
-        _node("irsbot_kinematics", "kinematics", stated, robot=stated.robot),
-        _node("irsbot_supervisor", "supervisor", stated, robot=stated.robot),
-    ]
-    if stated.record:
-        nodes.insert(0, _node("irsbot_supervisor", "recorder", stated, output=stated.output))
-    if stated.simulate:
-        drives = {"robot": stated.robot, "scenario": stated.scenario, "gated": stated.gate}
-        nodes.append(_node("irsbot_supervisor", "simulated_joints", stated, **drives))
-    return nodes
+    namespace = context.launch_configurations.get("ros_namespace", "")  # of a PushRosNamespace around this file
+    return [_node(name, stated, parameters) for name, parameters in parameters_of(stated, namespace).items()]
 
 
 def generate_launch_description() -> LaunchDescription:

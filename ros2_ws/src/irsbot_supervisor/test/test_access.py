@@ -48,6 +48,15 @@ def test_who_may_do_what():
 
 
 @pytest.mark.parametrize("name", NODES)
+def test_a_node_of_rclpy_can_start_with_every_policy(name: str):
+    """Its constructor makes these, and raises if one of them is denied."""
+    services = "describe_parameters get_parameter_types get_parameters list_parameters set_parameters"
+    services += " set_parameters_atomically get_type_description"
+    assert allowed(name, "publish") >= {"/rosout", "/parameter_events"}
+    assert allowed(name, "reply") >= {f"/{name}/{service}" for service in services.split()}
+
+
+@pytest.mark.parametrize("name", NODES)
 def test_a_policy_allows_and_never_denies_because_the_rest_is_denied(name: str):
     root = ElementTree.parse(POLICIES / f"{name}.policy.xml").getroot()
     assert root.tag == "policy"

@@ -21,7 +21,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from irsbot_msgs_py.cdr import encode_string
 from irsbot_msgs_py.records import Cause, Finding, JointSample, Level, Verdict, unknown_state
 from irsbot_supervisor.bag.bag import Bag
-from irsbot_supervisor.bag.bag_writer import BagWriter
+from irsbot_supervisor.bag.bag_writer import BagWriter, claimed
 from irsbot_supervisor.bag.entries import Entry
 from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.bag.mcap_writer import CHUNK_BYTES, CHUNK_NS, McapWriter
@@ -231,6 +231,22 @@ def test_nothing_is_overwritten(tmp_path: Path, target: str, words: str):
     (tmp_path / "there.mcap").touch()
     with pytest.raises(BagError, match=words):
         BagWriter(tmp_path / target)
+
+
+@pytest.mark.parametrize(("target", "names"), [("run", "run run_2 run_3"), ("a.mcap", "a.mcap a_2.mcap a_3.mcap")])
+def test_bags_that_want_the_same_name_get_different_ones(tmp_path: Path, target: str, names: str):
+    (tmp_path / "below").mkdir()
+    claims = [claimed(tmp_path / "below" / target)]
+    for _ in range(2):
+        BagWriter(claims[-1]).close()
+        claims.append(claimed(tmp_path / "below" / target))
+    assert [claim.name for claim in claims] == names.split()
+
+
+def test_a_claimed_folder_is_taken_before_anything_is_written_to_it(tmp_path: Path):
+    assert claimed(tmp_path / "run") != claimed(tmp_path / "run")
+    with pytest.raises(BagError, match="cannot create '/proc/bag'"):
+        claimed(Path("/proc/bag"))
 
 
 def test_a_place_where_nothing_can_be_created_is_refused_with_the_reason():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import resource
 import signal
 import subprocess
@@ -72,6 +73,7 @@ class Scene:
         self._process = subprocess.Popen(
             [sys.executable, "-m", "irsbot_supervisor.nodes.recorder", "--ros-args", *names, *given],
             env={**os.environ, "ROS_DOMAIN_ID": str(self._domain)},
+            cwd=self.bag.parent,
             stderr=subprocess.PIPE,
             text=True,
             preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (largest_file, largest_file)),
@@ -128,12 +130,21 @@ def scene(tmp_path: Path) -> Iterator[Scene]:
     scene.close()
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_everything_that_was_sent_is_in_the_bag_when_a_signal_closes_it(scene: Scene, number: signal.Signals):
+@pytest.mark.parametrize(
+    ("number", "parameters"),
+    [
+        (signal.SIGINT, []),
+        (signal.SIGTERM, ["keep_s:=10"]),  # for ROS an integer
+        (signal.SIGINT, ["use_sim_time:=true"]),  # with a clock that stands
+    ],
+)
+def test_everything_that_was_sent_is_in_the_bag_when_a_signal_closes_it(
+    scene: Scene, number: signal.Signals, parameters: list[str]
+):
     settings, robot = read_settings("irsbot2", {})
     line = write_entry(configured(settings, robot, 1, 2))
     scene.journal.publish(String(data=line))  # before the recorder is there
-    scene.start()
+    scene.start(*parameters)
     scene.until_listening()
     scene.send(range(500))
     scene.until(lambda: scene.health and scene.health[-1].messages_written >= 500 + 50 + 1)
@@ -177,6 +188,21 @@ def test_samples_that_are_offered_best_effort_alone_are_recorded(scene: Scene):
     recorded = scene.recorded()
     assert min(recorded) < 300 <= max(recorded)
     assert recorded == sorted(set(recorded))
+
+
+@pytest.mark.parametrize(
+    ("parameter", "place"),
+    [("numbered:=true", "bag_2/bag_2_0.mcap"), ("output:=''", r"(irsbot_cell_\d{8}_\d{6})/\1_0.mcap")],
+)
+def test_a_bag_that_may_choose_its_name_takes_that_of_no_other_one(scene: Scene, parameter: str, place: str):
+    scene.bag.mkdir()
+    (scene.bag / "of_an_earlier_run").touch()
+    scene.start(parameter)
+    scene.until(lambda: scene.health)
+    file = Path(scene.bag.parent, scene.health[-1].file)
+    assert re.fullmatch(place, str(file.relative_to(scene.bag.parent)))
+    assert file.exists()
+    assert scene.end(signal.SIGINT)[0] == 0
 
 
 def test_the_black_box_keeps_only_the_time_around_a_stop(scene: Scene):

@@ -79,6 +79,13 @@ def test_a_word_that_is_not_in_the_list_is_refused_with_the_list(word):
     assert "none, warn, stop" in refused(reaction_check=word) or "one value" in refused(reaction_check=word)
 
 
+@pytest.mark.parametrize("stated", ["1e-2", "+1E-2", "1.e-2", ".1e-1", "10e-3", "0.01", "1.0e-2"])
+def test_a_number_in_a_file_is_what_it_is_for_ros(tmp_path, stated):
+    file = tmp_path / "mine.yaml"
+    file.write_text(f"latency_s: {stated}\nrobot: 1e-2mm\n")
+    assert read_values(file) == {"latency_s": 0.01, "robot": "1e-2mm"}
+
+
 @pytest.mark.parametrize("stated", ["off", "'off'", "no", "none"])
 def test_bags_and_yaml_files_that_say_off_mean_none(tmp_path, stated):
     file = tmp_path / "mine.yaml"

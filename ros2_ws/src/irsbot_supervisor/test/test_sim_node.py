@@ -9,6 +9,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -27,7 +28,9 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from irsbot_msgs_py.cdr import decode_joint_state
 from irsbot_msgs_py.records import JointSample, Level
+from irsbot_supervisor.nodes.simulation_parameters import declare_simulation
 from irsbot_supervisor.processes.suite import free_domain
+from irsbot_supervisor.sim.simulation import Simulation
 
 pytestmark = pytest.mark.ros
 
@@ -239,7 +242,7 @@ def test_the_joints_brake_when_the_supervisor_falls_silent_and_a_disobedient_rob
 
 def test_a_command_waits_for_the_verdict_and_is_then_followed_by_name(session):
     session.say(Level.UNKNOWN)
-    with simulated_joints(session.domain, scenario="stand", verdict_timeout_s=PATIENCE_S):
+    with simulated_joints(session.domain, scenario="stand", verdict_timeout_s=round(PATIENCE_S), velocity_limit=20):
         begin = session.until(stands_for_long)[-1].position
         session.command(["joint_2", "joint_1"], [(0.1, [begin[1], begin[0]]), (0.4, [begin[1] - 0.1, begin[0] + 0.2])])
         still = session.until(lambda heard: len(heard) >= 500)
@@ -255,6 +258,9 @@ def test_a_command_waits_for_the_verdict_and_is_then_followed_by_name(session):
         ({"scenario": "pick"}, "no scenario 'pick'; known are"),
         ({"fault": "nam"}, "no fault 'nam'; known are"),
         ({"velocity_limit": "[1.0, 2.0, 3.0]"}, "velocity_limit has 3 values, must have 2"),
+        ({"rate_hz": 0}, "rate_hz is 0.0, must be in 1..20000"),
+        ({"speed": ".nan"}, "speed is nan, must be in 0..1"),
+        ({"listeners": 101}, "listeners is 101, must be in 0..100"),
     ],
 )
 def test_a_wrong_parameter_is_one_line_and_exit_code_2(parameters, words):
@@ -265,6 +271,20 @@ def test_a_wrong_parameter_is_one_line_and_exit_code_2(parameters, words):
         assert words in err
 
 
+def test_every_limit_of_the_simulation_is_in_the_description_of_its_parameter(session: SupervisorSession):
+    node = rclpy.create_node("described", context=session.context)
+    declare_simulation(node)
+    limited = {entry.name: entry.metadata["limits"] for entry in fields(Simulation) if entry.metadata["limits"]}
+    assert len(limited) == 5
+    for name, limits in limited.items():
+        described = node.describe_parameter(name)
+        ranges = [*described.floating_point_range, *described.integer_range]
+        assert [(found.from_value, found.to_value) for found in ranges] == [limits], name
+        assert described.description
+        assert described.read_only
+    node.destroy_node()
+
+
 LONELY = """
 import irsbot_supervisor.nodes.simulated_joints as module
 module.LONELY_S = 0.2
@@ -272,11 +292,14 @@ module.main()
 """
 
 
-def test_joints_that_hear_no_supervisor_say_once_where_they_listen():
+@pytest.mark.parametrize("parameters", [[], ["--ros-args", "-p", "use_sim_time:=true"]])  # with a clock that stands
+def test_joints_that_hear_no_supervisor_say_once_where_they_listen(parameters):
     """A supervisor of another name says its verdicts elsewhere."""
     environment = {**os.environ, "ROS_DOMAIN_ID": str(free_domain())}
     pipe = subprocess.PIPE
-    with subprocess.Popen([sys.executable, "-c", LONELY], stderr=pipe, text=True, env=environment) as process:
+    with subprocess.Popen(
+        [sys.executable, "-c", LONELY, *parameters], stderr=pipe, text=True, env=environment
+    ) as process:
         assert process.stderr is not None
         stated = next(line for line in process.stderr if "no verdict" in line)
         process.send_signal(signal.SIGINT)

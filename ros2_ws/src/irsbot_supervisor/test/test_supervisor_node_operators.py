@@ -88,6 +88,8 @@ def test_a_parameter_dump_of_the_ros2_tools_is_accepted_and_changes_nothing(cell
         ("load_force_n", "10", 10.0),
         ("encoder_resolution", "1e-05", 1e-5),
         ("velocity_limit", "[12, 12]", [12.0, 12.0]),
+        ("velocity_limit", "8.0", [8.0]),  # one value for all joints
+        ("velocity_limit", "8", [8.0]),
     ],
 )
 def test_a_typed_value_of_the_ros2_tools_is_accepted(cell: Cell, name: str, text: str, kept: Any):
@@ -118,6 +120,23 @@ def test_an_acceleration_that_is_left_out_follows_the_brakes_that_are_stated(wir
     assert list(node.get_parameter("acceleration_limit").value) == stated.get("acceleration_limit", [300.0, 200.0])
     node.destroy_node()
     assert settings == read_settings("irsbot2", given)[0]
+
+
+def test_a_value_at_the_start_is_taken_as_in_a_set_call(wire: Wire):
+    """`up --params` accepts these, and must not start a suite that ends at once."""
+    given = {
+        "payload_kg": (2, 2.0),
+        "latency_s": (0, 0.0),
+        "velocity_limit": (6.0, [6.0]),
+        "reaction_check": (False, "none"),
+    }
+    cell = Cell(wire, **{name: value for name, (value, _taken) in given.items()})
+    request = GetParameters.Request(names=list(given))
+    values = [
+        parameter_value_to_python(v) for v in cell.call(GetParameters, "supervisor/get_parameters", request).values
+    ]
+    taken = [value if isinstance(value, (str, float)) else list(value) for value in values]
+    assert taken == [wanted for _value, wanted in given.values()]
 
 
 def test_counted_bending_is_computed_at_the_start_and_cannot_grow_unstated(wire: Wire):

@@ -47,8 +47,9 @@ def test_threads_have_the_priority_of_the_parameter_where_it_is_permitted(tmp_pa
     assert not (refused and given == 0)
 
 
-def test_a_priority_that_does_not_exist_is_refused(tmp_path: Path) -> None:
+@pytest.mark.parametrize("priority", [-1, 100])
+def test_a_priority_that_does_not_exist_is_refused(tmp_path: Path, priority: int) -> None:
     with Suite(tmp_path, free_domain()) as suite:
-        suite.start(Node("supervisor", SUPERVISOR, {PARAMETER: 100}))
+        suite.start(Node("supervisor", SUPERVISOR, {PARAMETER: priority}))
         assert suite.processes["supervisor"].wait(120) == 2
-    assert f"{PARAMETER} must be 0 or 1..99, got 100" in (tmp_path / "supervisor.log").read_text()
+    assert f"{PARAMETER} is {priority}, must be in 0..99" in (tmp_path / "supervisor.log").read_text()

@@ -7,23 +7,15 @@ import os
 from contextlib import suppress
 from pathlib import Path
 
-from irsbot_msgs_py.process.usage import UsageError
-
 PRIORITY = 49
 """SCHED_FIFO, 1..99; just below the 50 that controller_manager takes, so that the control loop never waits."""
 
 PARAMETER = "thread_priority"
 MEANING = "real-time priority of all threads of the node (SCHED_FIFO, 1..99), if it is permitted; 0: none"
-"""Of the parameter of a node."""
+LIMITS = 0, 99
+"""Name, meaning and range of the parameter of a node."""
 
 NO_PRIORITY = "no real-time priority ({}): messages may be late on a busy machine, docs/how_to/real_time.md"
-
-
-def checked_priority(priority: int) -> int:
-    """A priority as it was given. Raises UsageError for a number that is no priority."""
-    if not 0 <= priority <= 99:
-        raise UsageError(f"{PARAMETER} must be 0 or 1..99, got {priority}")
-    return priority
 
 
 def take_priority(priority: int) -> str:

@@ -29,5 +29,8 @@ def start(module: str) -> NoReturn:
 def refuse_missing(error: ModuleNotFoundError) -> NoReturn:
     """End the process: a library is missing."""
     library = (error.name or "").split(".")[0]
-    print(f"the Python library '{library}' is missing: install it, as the README says", file=sys.stderr)
+    print(
+        f"the Python library '{library}' is missing: docs/how_to/ros2_machine.md says how to install it",
+        file=sys.stderr,
+    )
     sys.exit(USAGE)

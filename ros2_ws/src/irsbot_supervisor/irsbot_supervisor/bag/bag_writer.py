@@ -17,6 +17,28 @@ from irsbot_supervisor.bag.topics import Topic, installed_topic
 from irsbot_supervisor.bag.whole_file import write_whole
 
 
+def claimed(target: Path) -> Path:
+    """The target, or the first of target_2, target_3 and so on that does not exist. A folder is created: of two that
+    ask for the same one at the same time, each gets its own. Raises BagError."""
+    path, number = target, 1
+    while not _is_claimed(path):
+        number += 1
+        path = target.with_name(f"{target.stem}_{number}{target.suffix}")
+    return path
+
+
+def _is_claimed(path: Path) -> bool:
+    if path.suffix == ".mcap":
+        return not path.exists()
+    try:
+        path.mkdir(parents=True)
+    except FileExistsError:
+        return False
+    except OSError as error:
+        raise BagError(f"cannot create '{path}': {error.strerror}") from None
+    return True
+
+
 class BagWriter:
     """Writes a new bag. A target with the suffix .mcap becomes one file, any other a directory with metadata.yaml."""
 

@@ -42,15 +42,13 @@ def policy_of(name: str) -> str:
     from irsbot_supervisor.nodes import access
     from irsbot_supervisor.nodes.suite import NODES
 
-    if name == "operator":
-        return access.operators()
-    nodes = {**NODES, "consumer": access.ConsumerNode}
-    if name not in nodes:
-        refuse(f"no node '{name}'; there are {', '.join(nodes)} and operator")
+    makers = {**NODES, "consumer": access.ConsumerNode, "operator": access.OperatorNode}
+    if name not in makers:
+        refuse(f"no node '{name}'; there are {', '.join(makers)}")
     with tempfile.TemporaryDirectory() as folder:
         given = [word for one in (f"output:={folder}/bag", *ON_REQUEST) for word in ("-p", one)]
         rclpy.init(args=["--ros-args", *given, "--log-level", "error"], domain_id=free_domain())
-        made: Any = nodes[name]()
+        made: Any = makers[name]()
         try:
             return access.policy(name, access.access_of(made))
         finally:

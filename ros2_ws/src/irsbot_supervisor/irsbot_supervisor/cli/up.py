@@ -7,7 +7,7 @@ import re
 from dataclasses import fields
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import Annotated, Any, NoReturn
 
 import typer
 
@@ -27,9 +27,10 @@ from irsbot_supervisor.cli.web import (
     check_page,
 )
 from irsbot_supervisor.configuration.loading import read_settings, robot_of
-from irsbot_supervisor.configuration.ros_parameter_file import read_parameters
+from irsbot_supervisor.configuration.ros_parameter_file import read_parameters, require_agreement, robot_in
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.processes.suite import (
+    BYSTANDERS,
     FOXGLOVE,
     GATED,
     JOINTS,
@@ -51,16 +52,14 @@ DDS_DOMAINS = range(233)
 NAMESPACE = r"[A-Za-z_]\w*(/[A-Za-z_]\w*)*"
 """Pattern of a ROS namespace without leading and trailing slash."""
 
-BYSTANDERS = ("recorder", "kinematics", "live_page", "foxglove")
-"""Nodes that supervision does not need."""
-
 
 def up(
-    robot: Annotated[str, typer.Option(help="preset or YAML file")] = "irsbot2",
+    robot: Annotated[str | None, typer.Option(help="preset or YAML file; that of --params, or irsbot2")] = None,
     namespace: Annotated[str, typer.Option(help="namespace of all nodes and topics")] = "",
     params: Annotated[Path | None, typer.Option(help="ROS parameter file for all nodes")] = None,
     scenario: Annotated[
-        str | None, typer.Option(help="scenario of the simulated joints; pick_and_place, or stand with --gate")
+        str | None,
+        typer.Option(help="scenario of the simulated joints; that of --params, pick_and_place, or stand with --gate"),
     ] = None,
     folder: Annotated[Path | None, typer.Option("--out", help="folder for the bag; a new one under runs/")] = None,
     domain: Annotated[int, typer.Option(help="DDS domain", envvar="ROS_DOMAIN_ID")] = 0,
@@ -86,20 +85,22 @@ def up(
 
     Example: irsbot up --robot irsbot2 --namespace left.
     """
-    machine = robot_of(robot)
-    scenario = scenario or (STANDING if gate else "pick_and_place")
-    if not read_scenario(scenario, machine).stands and gate:
-        refuse(f"with --gate the joints move by command alone: '{scenario}' moves them, give stand or none")
     if domain not in DDS_DOMAINS:
         refuse(f"the DDS domain must be in {DDS_DOMAINS[0]}..{DDS_DOMAINS[-1]}, got {domain}")
     place = namespace.strip("/")
     if place and not re.fullmatch(NAMESPACE, place):
         refuse(f"the namespace must be names of letters, digits and _ with / between them, got '{namespace}'")
+    above, told = f"/{place}" if place else "", dict[str, dict[str, Any]]()
     if params is not None:
-        told = read_parameters(existing(params, "the parameter file"), _parameters(f"/{place}" if place else ""))
-        names = {entry.name for entry in fields(Settings)} - {"robot"}
-        (of_supervisor,) = [values for node, values in told.items() if node.endswith("/supervisor")]
-        read_settings(robot, {name: value for name, value in of_supervisor.items() if name in names}, params)
+        known = _parameters(above)
+        told = read_parameters(existing(params, "the parameter file"), known)
+        robot = robot or robot_in(params, known)
+        scenario = scenario or told[f"{above}/simulated_joints"].get("scenario")
+    robot = robot or Settings.robot
+    machine = robot_of(robot)
+    scenario = scenario or (STANDING if gate else Simulation.scenario)
+    if not read_scenario(scenario, machine).stands and gate:
+        refuse(f"with --gate the joints move by command alone: '{scenario}' moves them, give stand or none")
     if web:
         check_page(web_host, web_port)
     if foxglove:
@@ -107,24 +108,32 @@ def up(
         if web and web_port == foxglove_port:
             refuse(f"the page and Foxglove need a port each, both are {web_port}: --foxglove-port gives another")
     target = folder or Path("runs") / f"{datetime.now():%Y%m%d-%H%M%S}-up"
+    bag = {"output": str(target / BAG)}
+    drives = {"robot": robot, "scenario": scenario, "gated": gate, "listeners": LISTENERS}
+    page, server = {"host": web_host, "port": web_port}, {"host": foxglove_host, "port": foxglove_port}
+    nodes = [
+        Node("recorder", RECORDER, bag),
+        Node("kinematics", KINEMATICS, {"robot": robot}),
+        Node("supervisor", SUPERVISOR, {"robot": robot}),
+        Node("simulated_joints", JOINTS, drives, GATED if gate else {}),
+    ]
+    guests = [Node("live_page", LIVE_PAGE, page)] * web + [Node("foxglove", FOXGLOVE, server)] * foxglove
+    if params is not None:
+        require_agreement(params, {f"{above}/{node.name}": node.parameters for node in (*nodes, *guests)})
+        names = {entry.name for entry in fields(Settings)} - {"robot"}
+        of_supervisor = told[f"{above}/supervisor"]
+        read_settings(robot, {name: value for name, value in of_supervisor.items() if name in names}, params)
+    if together:
+        remaps = {f"simulated_joints:{topic}": other for topic, other in GATED.items()} if gate else {}
+        nodes = [Node("suite", TOGETHER, {**bag, **drives}, remaps)]
     prepare(target)
     end_in_order_when_told_to()
     with Suite(target / LOGS, domain, place, params) as suite, contextlib.suppress(KeyboardInterrupt):
-        drives = {"robot": robot, "scenario": scenario, "gated": gate, "listeners": LISTENERS}
-        bag = {"output": str(target / BAG)}
-        if together:
-            remaps = {f"simulated_joints:{topic}": other for topic, other in GATED.items()} if gate else {}
-            suite.start(Node("suite", TOGETHER, {**bag, **drives}, remaps))
-        else:
-            suite.start(Node("recorder", RECORDER, bag))
-            suite.start(Node("kinematics", KINEMATICS, {"robot": robot}))
-            suite.start(Node("supervisor", SUPERVISOR, {"robot": robot}))
-            suite.start(Node("simulated_joints", JOINTS, drives, GATED if gate else {}))
+        for node in (*nodes, *guests):
+            suite.start(node)
         if web:
-            suite.start(Node("live_page", LIVE_PAGE, {"host": web_host, "port": web_port}))
             out.print(f"live page: http://{web_host}:{web_port}")
         if foxglove:
-            suite.start(Node("foxglove", FOXGLOVE, {"host": foxglove_host, "port": foxglove_port}))
             out.print(f"Foxglove: ws://{foxglove_host}:{foxglove_port}")
         out.print(f"up on DDS domain {domain}, logs and bag under {target}; Ctrl-C ends it")
         _watch_over(suite)

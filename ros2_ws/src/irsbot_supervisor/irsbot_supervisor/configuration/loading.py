@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
@@ -14,6 +15,15 @@ from irsbot_kinematics.description.robot_file import preset_names, read_robot
 from irsbot_supervisor.configuration.compliance import with_bending
 from irsbot_supervisor.configuration.feasibility import settings_from
 from irsbot_supervisor.core.settings import InvalidSettings, Settings
+
+
+class _Loader(yaml.SafeLoader):
+    """Reads 1e-2 as a number, as ROS does; for YAML 1.1 it is a text."""
+
+
+_Loader.add_implicit_resolver(
+    "tag:yaml.org,2002:float", re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+$"), list("-+.0123456789")
+)
 
 PARAMETERS = "ros__parameters"
 """Key below the name of a node in a ROS parameter file."""
@@ -82,7 +92,7 @@ def read_mapping(path: Path) -> dict[str, Any]:
 
 def _mapping(text: str, where: str) -> dict[str, Any]:
     try:
-        values = yaml.safe_load(text)
+        values = yaml.load(text, _Loader)
     except (yaml.YAMLError, ValueError) as error:  # a ValueError for a date that does not exist
         raise InvalidSettings(f"{where}: not YAML: {' '.join(str(error).split())}") from None
     if not isinstance(values, dict):

@@ -41,6 +41,42 @@ def read_parameters(path: Path, nodes: Mapping[str, Collection[str]]) -> dict[st
     return told
 
 
+def robot_in(path: Path, nodes: Collection[str]) -> str:
+    """The robot that a file sets for one or more of the nodes, "" if for none. nodes: full names.
+
+    Raises InvalidSettings for what is no file of parameters, and if the file sets several robots.
+    """
+    robots = {}
+    for node, name, value in _values_for(path, nodes):
+        if name == "robot" and not isinstance(value, str):
+            raise InvalidSettings(f"{path}: robot is {value!r} for {node}, must be a text")
+        if name == "robot":
+            robots[value] = node
+    if len(robots) > 1:
+        stated = " and ".join(f"{robot!r} for {node}" for robot, node in robots.items())
+        raise InvalidSettings(f"{path}: the robot is {stated}, must be the same for all nodes")
+    return next(iter(robots), "")
+
+
+def require_agreement(path: Path, given: Mapping[str, Mapping[str, Any]]) -> None:
+    """Raise InvalidSettings where a file sets another value than the command line: which of the two a node takes
+    depends on the order of the sections. given: full name of a node -> parameters that the command line sets."""
+    for node, name, value in _values_for(path, given):
+        wanted = given[node].get(name, value)
+        if value != wanted:
+            raise InvalidSettings(
+                f"{path}: {name} is {value!r} for {node}, but {wanted!r} on the command line: remove one of the two"
+            )
+
+
+def _values_for(path: Path, nodes: Collection[str]) -> Iterator[tuple[str, str, Any]]:
+    """Full name of a node, name of a parameter and its value, for every section that one of the nodes reads."""
+    for section, values in _sections(path, read_mapping(path), ""):
+        for node in nodes:
+            if re.fullmatch(_pattern(section), node):
+                yield from ((node, name, value) for name, value in _flat(values))
+
+
 def _sections(path: Path, tree: Mapping[Any, Any], above: str) -> Iterator[tuple[str, dict[Any, Any]]]:
     """Full names of nodes, wildcards included, and the parameters of each."""
     for key, below in tree.items():

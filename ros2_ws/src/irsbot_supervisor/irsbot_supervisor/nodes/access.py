@@ -6,7 +6,8 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from irsbot_msgs.msg import Verdict
+from irsbot_msgs.msg import GateStatus, Verdict
+from irsbot_msgs.srv import BypassStop, ResetStop
 from rclpy.node import Node
 from std_msgs.msg import Bool
 
@@ -27,12 +28,6 @@ WHERE_INSTALLED = {
 }
 """Interfaces of packages that not every machine has: bond, tf2_msgs, control_msgs."""
 
-OPERATOR = {
-    "request": ("/supervisor/bypass", "/supervisor/reset"),
-    "subscribe": ("/supervisor/gate", "/supervisor/verdict"),
-}
-"""Services of the operator, who may end a stop."""
-
 INTERFACES = (("topics", "publish"), ("topics", "subscribe"), ("services", "reply"), ("services", "request"))
 """Elements of a profile and what they allow, with the names of SROS2."""
 
@@ -43,6 +38,17 @@ class ConsumerNode(Node):
     def __init__(self) -> None:
         super().__init__("consumer")
         for kind, topic in ((Verdict, "supervisor/verdict"), (Bool, "supervisor/safe")):
+            self.create_subscription(kind, topic, lambda _message: None, 1)
+
+
+class OperatorNode(Node):
+    """A node with the interfaces of the operator, who may end a stop and let motion pass one cause."""
+
+    def __init__(self) -> None:
+        super().__init__("operator")
+        self.create_client(ResetStop, "supervisor/reset")
+        self.create_client(BypassStop, "supervisor/bypass")
+        for kind, topic in ((Verdict, "supervisor/verdict"), (GateStatus, "supervisor/gate")):
             self.create_subscription(kind, topic, lambda _message: None, 1)
 
 
@@ -81,12 +87,6 @@ def policy(name: str, access: Access) -> str:
         _list(profile, element, allowed, getattr(access, allowed))
     ElementTree.indent(root)
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{ElementTree.tostring(root, encoding="unicode")}\n'
-
-
-def operators() -> str:
-    """The policy of a node that may reset and bypass."""
-    empty: dict[str, tuple[str, ...]] = dict.fromkeys(Access._fields, ())
-    return policy("operator", Access(**{**empty, **EVERY_NODE, **OPERATOR}))
 
 
 def _list(profile: ElementTree.Element, element: str, allowed: str, names: Iterable[str]) -> None:

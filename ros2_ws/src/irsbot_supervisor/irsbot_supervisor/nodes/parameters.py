@@ -10,8 +10,8 @@ from collections.abc import Callable
 from dataclasses import asdict, fields
 from typing import Any
 
-from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
 from rcl_interfaces.msg import Parameter as ParameterMessage
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -21,8 +21,8 @@ from irsbot_supervisor.configuration.compliance import require_bending_said
 from irsbot_supervisor.configuration.feasibility import infeasibilities
 from irsbot_supervisor.configuration.loading import read_settings, robot_of, shipped_values
 from irsbot_supervisor.core.settings import InvalidSettings, Settings, completed
-from irsbot_supervisor.nodes.as_declared import as_declared
 from irsbot_supervisor.nodes.callers import Callers
+from irsbot_supervisor.nodes.declared import as_declared, declare, descriptor
 from irsbot_supervisor.nodes.later import Later, Steps
 from irsbot_supervisor.processes.worker import Task, WorkerError
 
@@ -38,7 +38,7 @@ def declare_settings(node: Node) -> tuple[Settings, Robot]:
     Raises InvalidSettings, or what the robot's file raises.
     """
     entries = {entry.name: entry for entry in fields(Settings)}
-    robot_name = node.declare_parameter("robot", "irsbot2", _descriptor(entries["robot"].metadata)).value
+    robot_name = declare(node, "robot", Settings.robot, _descriptor(entries["robot"].metadata))
     robot = robot_of(robot_name)
     shipped = {**shipped_values(robot), "robot": robot_name}
     changes: dict[str, Any] = {}
@@ -48,7 +48,7 @@ def declare_settings(node: Node) -> tuple[Settings, Robot]:
             if name != "robot" and bool(entry.metadata.get("optional")) == left_out:
                 default = defaults[name]
                 declared = list(default) if isinstance(default, tuple) else default
-                changes[name] = _plain(node.declare_parameter(name, declared, _descriptor(entry.metadata)).value)
+                changes[name] = _plain(declare(node, name, declared, _descriptor(entry.metadata)))
     settings, robot = read_settings(robot_name, changes)
     found = ("compliance_slack_m", "reaction_check")  # from the tubes, and the word for what may have been a boolean
     node.set_parameters([Parameter(name, value=getattr(settings, name)) for name in found])
@@ -172,15 +172,13 @@ def _plain(value: Any) -> Any:
 def _descriptor(metadata: Any) -> ParameterDescriptor:
     unit, words = metadata["unit"], metadata.get("words")
     text = metadata["text"] + (f" [{unit}]" if unit else "")
-    descriptor = ParameterDescriptor(description=text, read_only=bool(metadata.get("read_only")))
-    descriptor.dynamic_typing = bool(words)  # YAML reads `on` and `off` as booleans
+    each_joint = metadata.get("each_joint")
+    limits = (metadata["low"], metadata["high"]) if "low" in metadata and not each_joint else None
+    described = descriptor(text, limits, read_only=bool(metadata.get("read_only")))
+    described.dynamic_typing = bool(words)  # YAML reads `on` and `off` as booleans
     if words:
-        descriptor.additional_constraints = "one of " + ", ".join(words)
-    elif metadata.get("each_joint"):
+        described.additional_constraints = "one of " + ", ".join(words)
+    elif each_joint:
         low, high = metadata["low"], metadata["high"]
-        descriptor.additional_constraints = f"one value for all joints or one per joint, in {low:g}..{high:g}"
-    elif "low" in metadata:
-        descriptor.floating_point_range = [
-            FloatingPointRange(from_value=metadata["low"], to_value=metadata["high"], step=0.0)
-        ]
-    return descriptor
+        described.additional_constraints = f"one value for all joints or one per joint, in {low:g}..{high:g}"
+    return described

@@ -11,7 +11,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from irsbot_msgs.msg import GateStatus, SingularityState, Verdict
 from irsbot_msgs.msg import RecorderHealth as RecorderHealthMsg
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
@@ -25,12 +25,13 @@ from irsbot_msgs_py.errors import CdrError
 from irsbot_msgs_py.health import RecorderHealth, RecorderState
 from irsbot_msgs_py.process.run import FAILED, run
 from irsbot_msgs_py.process.usage import UsageError
-from irsbot_supervisor.bag.bag_writer import BagWriter
+from irsbot_supervisor.bag.bag_writer import BagWriter, claimed
 from irsbot_supervisor.bag.blackbox import BlackBox, Kept, StopWatch
 from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.bag.journal import Configuration, JournalError, read_entry
 from irsbot_supervisor.bag.topics import installed_topic
 from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.nodes.declared import Limits, declare, descriptor
 from irsbot_supervisor.nodes.endpoints import publisher
 from irsbot_supervisor.nodes.polled_subscriptions import PolledSubscriptions, Source, Taken
 
@@ -54,8 +55,9 @@ TOPICS: dict[str, tuple[str, Any, bool]] = {
     "markers": ("", MarkerArray, False),  # drawn for whoever listens: 0.1 MB/s and time of the supervisor
 }
 # Parameter, its default, description and range. All are read at the start alone.
-PARAMETERS: dict[str, tuple[Any, str, tuple[float, float] | None]] = {
-    "output": ("", "new directory, or file with the suffix .mcap; empty: a dated one here", None),
+PARAMETERS: dict[str, tuple[Any, str, Limits | None]] = {
+    "output": ("", "new directory, or file with the suffix .mcap; empty: here, named after namespace and time", None),
+    "numbered": (False, "if output exists, the bag goes to output_2, output_3 and so on, as if output is empty", None),
     "mode": ("all", "'all', or 'blackbox': only the time around a stop", None),
     "flush_s": (0.02, "messages are taken and written this often [s]", (0.001, 0.25)),
     "keep_s": (10.0, "how much before a stop is kept in mode blackbox [s]", (0.1, 3600.0)),
@@ -79,7 +81,10 @@ class RecorderNode(Node):
         super().__init__("recorder")
         self.exit_code: int | None = None
         self.bystander = True
-        given = {name: self._parameter(name, *described) for name, described in PARAMETERS.items()}
+        given = {
+            name: declare(self, name, default, descriptor(text, limits))
+            for name, (default, text, limits) in PARAMETERS.items()
+        }
         mode, self._reserve_bytes = given["mode"], MIB * given["reserve_mib"]
         if mode not in ("all", "blackbox"):
             raise UsageError(f"mode is 'all' or 'blackbox', not '{mode}'")
@@ -91,9 +96,11 @@ class RecorderNode(Node):
             for name, (default, kind, latched) in TOPICS.items()
             if given[f"topics.{name}"] or default
         ]
-        target = Path(given["output"] or time.strftime("irsbot_%Y%m%d_%H%M%S"))
+        target = Path(given["output"] or self._dated())
         if lack := self._lack_of_space(target):
             raise UsageError(f"cannot record to '{target}': {lack}")
+        if given["numbered"] or not given["output"]:
+            target = claimed(target)
         self._tape = BagWriter(target, given["compression"])
         self._channels = [self._tape.channel(installed_topic(s.topic, _type(s.type), s.latched)) for s in sources]
         self._state, self._text, self._slowest_s = RecorderState.RECORDING, "", 0.0
@@ -102,10 +109,15 @@ class RecorderNode(Node):
         )
         self._health = publisher(self, RecorderHealthMsg, "~/health", latest)
         self._taps = PolledSubscriptions(self, sources, given["depth"])
-        self.create_timer(given["flush_s"], self._write)
-        self.create_timer(HEALTH_PERIOD_S, self._report)
+        steady = Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
+        self.create_timer(given["flush_s"], self._write, clock=steady)
+        self.create_timer(HEALTH_PERIOD_S, self._report, clock=steady)
         self._report()
         self.get_logger().info(f"recording to {self._tape.file.path}")
+
+    def _dated(self) -> str:
+        place = self.get_namespace().strip("/").split("/")
+        return "_".join(filter(None, ("irsbot", *place, time.strftime("%Y%m%d_%H%M%S"))))
 
     def close(self) -> None:
         """Write what has arrived until now and finish the bag."""
@@ -190,14 +202,6 @@ class RecorderNode(Node):
         )
         self._slowest_s = 0.0
         self._health.publish(health_msg(record))
-
-    def _parameter(self, name: str, default: Any, text: str, limits: tuple[float, float] | None) -> Any:
-        descriptor = ParameterDescriptor(description=text, read_only=True)
-        if limits is not None and isinstance(default, float):
-            descriptor.floating_point_range = [FloatingPointRange(from_value=limits[0], to_value=limits[1])]
-        elif limits is not None:
-            descriptor.integer_range = [IntegerRange(from_value=int(limits[0]), to_value=int(limits[1]))]
-        return self.declare_parameter(name, default, descriptor).value
 
 
 def _type(kind: Any) -> str:

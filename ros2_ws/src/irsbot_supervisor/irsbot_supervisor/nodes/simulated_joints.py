@@ -10,7 +10,8 @@ import time
 from queue import SimpleQueue
 
 from irsbot_msgs.msg import Verdict
-from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -21,11 +22,12 @@ from trajectory_msgs.msg import JointTrajectory
 from irsbot_kinematics import KinematicsError
 from irsbot_msgs_py.cdr import decode_verdict, encode_joint_state
 from irsbot_msgs_py.errors import CdrError
-from irsbot_msgs_py.process.priority import MEANING, PARAMETER, PRIORITY, checked_priority
+from irsbot_msgs_py.process.priority import LIMITS, MEANING, PARAMETER, PRIORITY
 from irsbot_msgs_py.process.run import FAILED, run
 from irsbot_msgs_py.records import JointSample, Level
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.nodes.commands import command_of
+from irsbot_supervisor.nodes.declared import declare, descriptor
 from irsbot_supervisor.nodes.endpoints import publisher, subscription
 from irsbot_supervisor.nodes.pacing import Pacer, RosTime
 from irsbot_supervisor.nodes.simulation_parameters import declare_simulation
@@ -37,8 +39,6 @@ from irsbot_supervisor.trajectory.joint_path import BadTrajectory, Command
 
 JOINT_STATES = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)
 LAST_VERDICT = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-
-READ_ONLY = ParameterDescriptor(description=MEANING, read_only=True)
 
 TOO_LATE_NS = 50_000_000
 """ns: after a stall of the process, samples later than this are not sent any more; the robot has moved."""
@@ -61,12 +61,12 @@ class SimulatedJointsNode(Node):
     def __init__(self) -> None:
         super().__init__("simulated_joints")
         self.exit_code: int | None = None
-        self.thread_priority = checked_priority(self.declare_parameter(PARAMETER, PRIORITY, READ_ONLY).value)
+        self.thread_priority = declare(self, PARAMETER, PRIORITY, descriptor(MEANING, LIMITS))
         self._simulation, self._robot = declare_simulation(self)
         self._machine, scenario = build(self._simulation, self._robot)
         self._stop_response = StopResponse(self._simulation.verdict_timeout_s, self._simulation.gated)
         text = "fault line, e.g. nan:count=10,at=2.0; see docs/how_to/simulation.md"
-        line = self.declare_parameter("fault", scenario.faults, ParameterDescriptor(description=text)).value
+        line = declare(self, "fault", scenario.faults, descriptor(text, read_only=False))
         self._injector = self._new_injector(line)
         self._commands: SimpleQueue[Command] = SimpleQueue()
         self._rates: SimpleQueue[tuple[float, ...]] = SimpleQueue()
@@ -78,8 +78,8 @@ class SimulatedJointsNode(Node):
         self.add_on_set_parameters_callback(self._check_parameters)
         self.add_post_set_parameters_callback(self._apply_parameters)
         self.get_logger().info(f"{self._robot.name}: {scenario.name}, {scenario.description}")
-        self._heard = False
-        self._patience = self.create_timer(LONELY_S, self._tell_of_silence)
+        self._heard, steady = False, Clock(clock_type=ClockType.STEADY_TIME)  # simulated time may stand still
+        self._patience = self.create_timer(LONELY_S, self._tell_of_silence, clock=steady)
         self._ros_time = RosTime(self.get_clock())
         self._moves_ns = time.monotonic_ns() + round(self._simulation.start_delay_s * NS_PER_S)
         self._pacer = Pacer(self._simulation.rate_hz, self._cycle, self._fail)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import Any
 
-from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 
 from irsbot_kinematics import Robot
 from irsbot_supervisor.configuration.loading import robot_of, shipped_values
+from irsbot_supervisor.nodes.declared import declare, descriptor
 from irsbot_supervisor.sim.simulation import Simulation, simulation_from
 
 
@@ -20,13 +20,12 @@ def declare_simulation(node: Node) -> tuple[Simulation, Robot]:
     """
     stated = {entry.name: entry.metadata for entry in fields(Simulation)}
 
-    def declare(name: str, default: Any) -> Any:
-        unit, text = stated[name]["unit"], stated[name]["text"]
-        described = ParameterDescriptor(description=f"{text} [{unit}]" if unit else text, read_only=True)
-        value = node.declare_parameter(name, default, described).value
-        return tuple(value) if isinstance(default, list) else value
+    def value(name: str, default: Any) -> Any:
+        unit, text, limits = (stated[name][key] for key in ("unit", "text", "limits"))
+        found = declare(node, name, default, descriptor(f"{text} [{unit}]" if unit else text, limits))
+        return tuple(found) if isinstance(default, list) else found
 
-    robot_name = declare("robot", "irsbot2")
+    robot_name = value("robot", Simulation.robot)
     robot = robot_of(robot_name)
     shipped = shipped_values(robot)
     limits = {name: shipped.get(name) for name in ("velocity_limit", "deceleration_limit")}
@@ -35,5 +34,5 @@ def declare_simulation(node: Node) -> tuple[Simulation, Robot]:
     for name in stated:
         if name != "robot":
             default = getattr(defaults, name)
-            values[name] = declare(name, list(default) if isinstance(default, tuple) else default)
+            values[name] = value(name, list(default) if isinstance(default, tuple) else default)
     return simulation_from(values, robot), robot

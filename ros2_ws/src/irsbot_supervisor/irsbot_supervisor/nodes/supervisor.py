@@ -8,7 +8,6 @@ from dataclasses import asdict
 
 from irsbot_msgs.msg import SingularityState
 from irsbot_msgs.msg import Verdict as VerdictMsg
-from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.publisher import Publisher
@@ -18,7 +17,7 @@ from std_msgs.msg import String
 
 from irsbot_kinematics import KinematicsError
 from irsbot_msgs_py.cdr import encode_state, encode_verdict
-from irsbot_msgs_py.process.priority import MEANING, PARAMETER, PRIORITY, checked_priority
+from irsbot_msgs_py.process.priority import LIMITS, MEANING, PARAMETER, PRIORITY
 from irsbot_msgs_py.process.run import run
 from irsbot_msgs_py.records import Bypass, JointSample, LateBrakes, Reset, Restart, Tick, Verdict
 from irsbot_msgs_py.records import SingularityState as State
@@ -27,10 +26,10 @@ from irsbot_supervisor.core.events import Configure, Event, Step
 from irsbot_supervisor.core.settings import InvalidSettings, Settings
 from irsbot_supervisor.core.supervisor import Supervisor
 from irsbot_supervisor.nodes.allowance import Allowance
-from irsbot_supervisor.nodes.as_declared import read_as_declared
 from irsbot_supervisor.nodes.bond import Bond
 from irsbot_supervisor.nodes.callers import Callers
 from irsbot_supervisor.nodes.clocks import both_clocks
+from irsbot_supervisor.nodes.declared import declare, descriptor, read_as_declared
 from irsbot_supervisor.nodes.diagnostics import DiagnosticsPublisher
 from irsbot_supervisor.nodes.endpoints import quality
 from irsbot_supervisor.nodes.follow import FollowServer, action_type
@@ -50,14 +49,14 @@ from irsbot_supervisor.nodes.summary import SummaryPublisher
 from irsbot_supervisor.nodes.verdict_log import VerdictLog
 
 PARAMETERS = {
-    "autostart": (True, "become active at the start, without waiting for transitions"),
-    "base_frame": ("base", "frame of ~/markers, without frame_prefix"),
-    "frame_prefix": ("", "before the names of frames on /tf and of ~/markers, as robot_state_publisher has it"),
-    "lock_settings": (False, "settings are read-only from the first activation on"),
-    "start_latched": (False, "started again after an end: level UNKNOWN until a reset"),
-    PARAMETER: (PRIORITY, MEANING),
+    "autostart": (True, "become active at the start, without waiting for transitions", None),
+    "base_frame": ("base", "frame of ~/markers, without frame_prefix", None),
+    "frame_prefix": ("", "before the names of frames on /tf and of ~/markers, as robot_state_publisher has it", None),
+    "lock_settings": (False, "settings are read-only from the first activation on", None),
+    "start_latched": (False, "started again after an end: level UNKNOWN until a reset", None),
+    PARAMETER: (PRIORITY, MEANING, LIMITS),
 }
-"""Parameters that are not settings, with default and description."""
+"""Parameters that are not settings, with default, description and range. All are read at the start alone."""
 
 STREAM = QoSProfile(depth=200, reliability=ReliabilityPolicy.RELIABLE)
 """Deep queue: every sample counts as long as all can be judged in time."""
@@ -89,10 +88,10 @@ class SupervisorNode(LifecycleNode):
         super().__init__("supervisor")
         answer_every_request(self)
         autostart, base, prefix, self._lock, self._restarted, priority = (
-            self.declare_parameter(name, default, ParameterDescriptor(description=text, read_only=True)).value
-            for name, (default, text) in PARAMETERS.items()
+            declare(self, name, default, descriptor(text, limits))
+            for name, (default, text, limits) in PARAMETERS.items()
         )
-        self.thread_priority = checked_priority(priority)
+        self.thread_priority = priority
         settings, self._robot = declare_settings(self)
         self._supervisor = Supervisor(settings, self._robot)
         self._later = Later(self, self._fail)

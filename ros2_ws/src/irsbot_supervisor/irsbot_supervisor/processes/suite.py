@@ -27,6 +27,9 @@ LIVE_PAGE = "irsbot_supervisor.live.server"
 FOXGLOVE = "irsbot_supervisor.live.foxglove"
 TOGETHER = "irsbot_supervisor.nodes.suite"
 
+BYSTANDERS = ("recorder", "kinematics", "live_page", "foxglove")
+"""Nodes that supervision does not need."""
+
 GATED = {"joint_trajectory": "command_out", "joint_velocity": "velocity_out"}
 """Remaps of simulated joints that take their commands from the command gate."""
 

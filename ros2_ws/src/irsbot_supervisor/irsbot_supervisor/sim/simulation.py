@@ -20,14 +20,16 @@ STANDING = "stand"
 """The scenario without motion."""
 
 
-def _setting(default: Any, unit: str, text: str) -> Any:
-    return field(default=default, metadata={"unit": unit, "text": text})
+def _setting(default: Any, unit: str, text: str, limits: tuple[float, float] | None = None) -> Any:
+    return field(default=default, metadata={"unit": unit, "text": text, "limits": limits})
 
 
 @dataclass(frozen=True)
 class Simulation:
-    """Settings of the simulated joints. Field metadata: unit, text. One value of a per-joint setting applies to all
-    joints."""
+    """Settings of the simulated joints. Field metadata: unit, text, limits.
+
+    One value of a per-joint setting applies to all joints.
+    """
 
     robot: str = _setting("irsbot2", "", "preset name or YAML file of the robot")
     scenario: str = _setting("pick_and_place", "", "name or YAML file of the scenario")
@@ -37,15 +39,15 @@ class Simulation:
         (), "rad/s2 or m/s2", "of planned motion, each joint; empty: as braking"
     )
     deceleration_limit: tuple[float, ...] = _setting((), "rad/s2 or m/s2", "braking of each joint")
-    speed: float = _setting(1.0, "1", "factor (0..1] on all speeds of the scenario")
+    speed: float = _setting(1.0, "1", "factor on all speeds of the scenario", (0.0, 1.0))
     cycle_s: float = _setting(0.0, "s", "time for which the cycle is repeated; 0: as in the scenario")
     start_delay_s: float = _setting(0.0, "s", "rest before the motion begins")
-    listeners: int = _setting(0, "1", "number of subscriptions to wait for before the first sample")
-    rate_hz: float = _setting(1000.0, "Hz", "samples per second, 1..20000")
-    latency_s: float = _setting(0.0, "s", "time from a verdict's arrival to its effect on the drives")
+    listeners: int = _setting(0, "1", "number of subscriptions to wait for before the first sample", (0, 100))
+    rate_hz: float = _setting(1000.0, "Hz", "samples per second", (1.0, 20000.0))
+    latency_s: float = _setting(0.0, "s", "time from a verdict's arrival to its effect on the drives", (0.0, 10.0))
     obey: bool = _setting(True, "", "brake on STOP, UNKNOWN and silence; false: the supervisor is ignored")
     gated: bool = _setting(False, "", "commands come through the command gate, which also leads out of a STOP")
-    command_timeout_s: float = _setting(0.1, "s", "time for which a commanded velocity is valid")
+    command_timeout_s: float = _setting(0.1, "s", "time for which a commanded velocity is valid", (1e-3, 10.0))
     verdict_timeout_s: float = _setting(CONSUMER_TIMEOUT_S, "s", "silence of the supervisor that means stop")
     platform_mass_kg: float = _setting(1.0, "kg", "mass at the platform point, included in the efforts")
     encoder_resolution: float = _setting(0.0, "rad or m", "step of the measured positions; 0: none")
@@ -75,15 +77,10 @@ def simulation_from(values: Mapping[str, Any], robot: Robot) -> Simulation:
     names = simulation.joint_names
     if len(names) != len(joints) or len(set(names)) != len(names):
         raise BadSetting(f"joint_names {list(names)} must be {len(joints)} different names")
-    for name, low, high in (
-        ("rate_hz", 1.0, 20000.0),
-        ("speed", 0.0, 1.0),
-        ("latency_s", 0.0, 10.0),
-        ("listeners", 0, 100),
-        ("command_timeout_s", 1e-3, 10.0),
-    ):
-        if not low <= getattr(simulation, name) <= high:
-            raise BadSetting(f"{name} is {getattr(simulation, name)!r}, must be in {low:g}..{high:g}")
+    for entry in fields(Simulation):
+        value, limits = getattr(simulation, entry.name), entry.metadata["limits"]
+        if limits and not limits[0] <= value <= limits[1]:
+            raise BadSetting(f"{entry.name} is {value!r}, must be in {limits[0]:g}..{limits[1]:g}")
     if not (simulation.start_delay_s >= 0.0 and isfinite(simulation.start_delay_s)):
         raise BadSetting(f"start_delay_s must be finite and not negative, got {simulation.start_delay_s!r}")
     return simulation
