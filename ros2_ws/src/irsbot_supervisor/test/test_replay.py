@@ -13,7 +13,10 @@ from typer.testing import CliRunner
 import irsbot_supervisor.replay.stepping
 from irsbot_msgs_py.records import Cause, JointSample, Level, SingularityState, Verdict
 from irsbot_msgs_py.stamps import NS_PER_S
+from irsbot_supervisor.bag.bag import Bag
+from irsbot_supervisor.bag.bag_writer import BagWriter
 from irsbot_supervisor.bag.errors import BagError
+from irsbot_supervisor.bag.journal import read_entry, write_entry
 from irsbot_supervisor.cli.app import whole_app
 from irsbot_supervisor.replay.comparison import against_recording
 from irsbot_supervisor.replay.recording import read_recording
@@ -154,6 +157,30 @@ def test_given_settings_count_only_for_a_bag_of_joint_states_alone(bag: Path, tm
         judge_again(recording, Assumption("irsbot2", {"nonsense": 1}))
     with pytest.raises(BagError, match="robot"):
         judge_again(read_recording(bag), Assumption("irsbot2"))
+
+
+def test_settings_and_resets_come_at_their_times_also_without_states(bag: Path, tmp_path: Path) -> None:
+    """The journal tells both clocks. Without states the samples have the time of their recording alone."""
+    count, changed = 0, tmp_path / "changed.mcap"
+    with Bag(bag) as opened, BagWriter(changed) as writer:
+        for entry in opened.records():
+            if isinstance(entry.record, JointSample):
+                count += 1
+            elif isinstance(entry.record, str) and '"configure"' in entry.record:
+                first = read_entry(entry.record)
+            writer.add(entry.topic, entry.record, entry.log_ns)
+            if count == 100:
+                count += 1
+                later_ns = entry.log_ns - first.received_ns
+                again = first._replace(received_ns=entry.log_ns, seen_ns=first.seen_ns + later_ns)
+                again.values["dwell_s"] = 0.2
+                writer.add("/supervisor/journal", write_entry(again), entry.log_ns)
+    no_states = tmp_path / "no_states.mcap"
+    copied(changed, no_states, lambda record: None if isinstance(record, SingularityState | Verdict) else record)
+    right, found = judge_again(read_recording(changed)), judge_again(read_recording(no_states))
+    assert [since_ns for since_ns, _ in found.settings] == [since_ns for since_ns, _ in right.settings]
+    assert found.intervals[-1].latched
+    assert found.intervals[1:] == right.intervals[1:]  # both begin with UNKNOWN: settings come before the samples
 
 
 def test_a_bag_without_joint_states_is_refused(bag: Path, tmp_path: Path) -> None:

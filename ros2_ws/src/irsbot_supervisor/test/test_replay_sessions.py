@@ -86,6 +86,26 @@ def test_a_supervisor_that_goes_on_after_a_pause_is_the_same(bag: Path, tmp_path
     assert any(interval.causes & Cause.STALE for interval in judged.intervals)  # the pause is a silence of the joints
 
 
+def test_a_supervisor_without_any_joint_state_is_judged(bag: Path, tmp_path: Path) -> None:
+    """It was started again, and the robot is off."""
+    settings, robot = read_settings("irsbot2")
+    samples = read_recording(bag).samples[:100]
+    target = tmp_path / "off.mcap"
+    with BagWriter(target) as writer:
+        for sample in samples:
+            writer.add("joint_states", sample, sample.received_ns)
+        change = configured(settings, robot, samples[0].received_ns - 1, samples[0].seen_ns - 1)
+        active(Supervisor(settings, robot), change, samples, writer)
+        begin = Tick(samples[-1].received_ns + NS_PER_S, samples[-1].seen_ns + NS_PER_S)
+        ticks = [Tick(begin.received_ns + ms * 10**6, begin.seen_ns + ms * 10**6) for ms in range(10, 300, 10)]
+        active(Supervisor(settings, robot), configured(settings, robot, *begin), ticks, writer)
+    recording = read_recording(target)
+    judged = judge_again(recording)
+    assert len(recording.sessions) == 2
+    assert faults_of(recording, judged) == {"recorded verdicts": (), "recorded states": ()}
+    assert {interval.level for interval in judged.parts[1]} == {Level.UNKNOWN}
+
+
 def test_a_silence_in_which_a_bag_ends_is_noticed_as_it_was(bag: Path, tmp_path: Path) -> None:
     settings, robot = read_settings("irsbot2")
     samples = read_recording(bag).samples[:100]

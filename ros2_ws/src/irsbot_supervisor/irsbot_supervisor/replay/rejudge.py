@@ -11,23 +11,21 @@ from collections import defaultdict, deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import count
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from irsbot_kinematics import KinematicsError, Robot
-from irsbot_msgs_py.records import (
-    JointSample,
-    Level,
-    Tick,
-)
+from irsbot_msgs_py.records import JointSample, LateBrakes, Level, Tick
 from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.bag.joint_columns import JointColumns, JointSamples
-from irsbot_supervisor.bag.journal import Configuration, configured
+from irsbot_supervisor.bag.journal import Configuration, Entry, configured
 from irsbot_supervisor.configuration.loading import read_settings, robot_of
 from irsbot_supervisor.core.settings import InvalidSettings, Settings
 from irsbot_supervisor.replay.judged import SILENCE_NS, Interval, Judged
 from irsbot_supervisor.replay.levels import Levels
 from irsbot_supervisor.replay.recording import Recording, SupervisorSession
 from irsbot_supervisor.replay.stepping import Input, Stepper, Watch, WatchRows, in_order
+
+Recorded = TypeVar("Recorded", bound=Entry)
 
 
 class Assumption(NamedTuple):
@@ -72,9 +70,9 @@ def judge_again(
         else:
             judged.robot = f"{first.values['robot']}, as recorded"
         if not recording.states:
-            others = [entry for entry in recording.journal if entry is not first]
+            others = [_as_recorded(entry) for entry in recording.journal if entry is not first]
             events = _with_ticks(recording.samples, others, recording.samples[-1].seen_ns)
-            _step_through(judged, first, events, count(1), files, watches)
+            _step_through(judged, _as_recorded(first), events, count(1), files, watches)
             return judged
         waiting: dict[int, deque[JointSample]] = defaultdict(deque)
         for sample in recording.samples:
@@ -92,6 +90,14 @@ def judge_again(
     except (InvalidSettings, KinematicsError) as error:
         raise BagError(f"{recording.path}: {error}") from None
     return judged
+
+
+def _as_recorded(entry: Recorded) -> Recorded:
+    """An entry with the ROS clock in place of the steady one: the clock of samples that no state tells the time of."""
+    later_ns = entry.received_ns - entry.seen_ns
+    if isinstance(entry, LateBrakes):
+        entry = entry._replace(brakes_ns=entry.brakes_ns + later_ns)
+    return entry._replace(seen_ns=entry.received_ns)
 
 
 def beside(bag: Path) -> list[Path]:
@@ -165,8 +171,8 @@ def _with_ticks(samples: Sequence[JointSample], others: Sequence[Input], end_ns:
     kept = samples if isinstance(samples, JointSamples) else JointSamples(samples)
     others = sorted(others, key=lambda event: event.seen_ns)
     yield from in_order(kept, others)
-    last_ns = max([*(event.seen_ns for event in others[-1:]), *(part.last_ns for part in [kept] if len(kept))])
-    if end_ns > last_ns:
+    last = [*(event.seen_ns for event in others[-1:]), *(part.last_ns for part in [kept] if len(kept))]
+    if end_ns > max(last, default=0):
         yield Tick(end_ns + 1, end_ns + 1)
 
 
