@@ -11,12 +11,14 @@ import pytest
 from irsbot_msgs_py.records import Cause, JointSample, Level
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.bag.errors import BagError
+from irsbot_supervisor.configuration.loading import read_settings
 from irsbot_supervisor.replay.comparison import against_expectation
 from irsbot_supervisor.replay.expectation import MEASURES, Expectation, measures_of, read_expectation, write_draft
 from irsbot_supervisor.replay.judged import Interval, Judged
 from irsbot_supervisor.replay.recording import Recording
 
 NAMES = ("a", "b")
+SETTINGS = read_settings("irsbot2", {"joint_names": NAMES})[0]
 
 
 def interval(time_s: float, level: Level, causes: Cause = Cause.NONE) -> Interval:
@@ -31,7 +33,7 @@ def recording_of(speeds: list[float], period_s: float = 0.1) -> Recording:
 
 
 def judged_of(*intervals: Interval) -> Judged:
-    return Judged([list(intervals)], {}, 0, 0)
+    return Judged([list(intervals)], {}, 0, 0, settings=[(0, SETTINGS)])
 
 
 START = interval(0.0, Level.UNKNOWN, Cause.NO_DATA)
@@ -89,6 +91,24 @@ def test_velocities_that_are_none_do_not_count_as_standing():
     lost = recording_of([0.0, 2.0, 2.0, float("nan"), 0.0])
     stopped = judged_of(START, interval(0.1, Level.OK), interval(0.25, Level.UNKNOWN, Cause.NONFINITE))
     assert measures_of(lost, stopped)["time_to_stop_s"] == pytest.approx(0.4 - 0.25)
+
+
+def test_the_joints_of_the_robot_stand_by_its_own_settings():
+    """A conveyor runs on, and a gripper with a message of its own has stood all the time."""
+    samples = [
+        message
+        for one in RUN.samples
+        for message in (
+            one._replace(names=("conveyor", *NAMES), position=(0.0, 0.0, 0.0), velocity=(1.0, *one.velocity)),
+            one._replace(names=("gripper",), position=(0.0,), velocity=(0.0,)),
+        )
+    ]
+    run = Recording(Path("run"), samples=samples)
+    assert measures_of(run, JUDGED)["time_to_stop_s"] == pytest.approx(0.5 - 0.3)
+    for speed, stands_s in ((0.005, 0.6), (1.5, 0.4)):
+        judged = judged_of(*JUDGED.intervals)
+        judged.settings = [(0, read_settings("irsbot2", {"joint_names": NAMES, "standstill_speed": speed})[0])]
+        assert measures_of(run, judged)["time_to_stop_s"] == pytest.approx(stands_s - 0.3)
 
 
 # --- what differs -----------------------------------------------------------------------------------------------
@@ -164,6 +184,9 @@ def test_a_measure_that_a_run_does_not_have_is_out_of_any_bounds(tmp_path):
         ({"story": [{"level": "OK", "cause": []}]}, "unknown key 'cause'"),
         ({"story": [{"level": "OK", "causes": "TYPE1"}]}, "story[0].causes"),
         ({"story": [{"level": "OK", "causes": ["TYPE9"]}]}, "story[0].causes"),
+        ({"story": [{"level": ["OK"]}]}, "story[0].level must be one of"),
+        ({"story": [{"level": "OK", "causes": [["TYPE1"]]}]}, "story[0].causes must be a list of"),
+        ({"false_stops": 10**400}, "false_stops must be"),
         ({"story": [{"level": "OK", "since_s": [1]}]}, "story[0].since_s must be [low, high]"),
         ({"story": [{"level": "OK", "since_s": [2, 1]}]}, "low not above high"),
         ({"story": [{"level": "OK", "since_s": "1"}]}, "story[0].since_s"),

@@ -6,13 +6,12 @@ import json
 from collections.abc import Sequence
 from math import inf, nan
 from pathlib import Path
+from sys import float_info
 from typing import Any, NamedTuple
 
 from irsbot_msgs_py.records import Cause, Level, cause_names
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.bag.errors import BagError
-from irsbot_supervisor.bag.journal import Configuration
-from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.replay.judged import Interval, Judged
 from irsbot_supervisor.replay.recording import Recording
 from irsbot_supervisor.replay.rejudge import Assumption
@@ -89,7 +88,7 @@ def measures_of(recording: Recording, judged: Judged, expectation: Expectation |
     begun = next((k for k, entry in enumerate(expected) if entry.level < Level.STOP), len(expected))
     due = sum(entry.level >= Level.STOP for entry in expected[begun:])
     return {
-        "time_to_stop_s": _time_to_stop(recording, halts[0][0].since_ns) if halts else nan,
+        "time_to_stop_s": _time_to_stop(recording, judged, halts[0][0].since_ns) if halts else nan,
         "hold_share": sum(end - entry.since_ns for entry, end in halts) / lasting if lasting > 0 else nan,
         "time_to_resume_s": max([(end - halt.since_ns) / NS_PER_S for halt, end in _ended(spans)], default=nan),
         "false_stops": float(max(len(halts) - due, 0)),
@@ -109,14 +108,16 @@ def _ended(spans: list[tuple[LevelSpan, int]]) -> list[tuple[LevelSpan, int]]:
     return found
 
 
-def _time_to_stop(recording: Recording, since_ns: int) -> float:
-    """s until the joints first report that they stand, independent of the supervisor; infinite if never."""
-    values = next((entry.values for entry in recording.journal if isinstance(entry, Configuration)), {})
-    slow = float(values.get("standstill_speed", Settings.standstill_speed))
+def _time_to_stop(recording: Recording, judged: Judged, since_ns: int) -> float:
+    """s until the joints of the robot first report that they stand, independent of the supervisor; infinite if
+    never."""
+    settings = judged.settings[0][1]
     for sample in recording.samples:
         after_ns = sample.seen_ns - since_ns
-        if after_ns >= 0 and sample.velocity and all(abs(rate) <= slow for rate in sample.velocity):
-            return after_ns / NS_PER_S
+        if after_ns >= 0 and len(sample.velocity) == len(sample.names):
+            rates = dict(zip(sample.names, sample.velocity, strict=True))
+            if all(abs(rates.get(name, inf)) <= settings.standstill_speed for name in settings.joint_names):
+                return after_ns / NS_PER_S
     return inf
 
 
@@ -220,10 +221,12 @@ def _text(stated: Any, key: str, what: str) -> str | None:
 
 def _level(stated: Any, where: str) -> Expected:
     _known(stated, {"level", "causes", "since_s", "optional"}, where)
-    if stated.get("level") not in Level.__members__:
-        raise _Wrong(f"{where}.level must be one of {', '.join(Level.__members__)}, got {stated.get('level')!r}")
+    if not isinstance(level := stated.get("level"), str) or level not in Level.__members__:
+        raise _Wrong(f"{where}.level must be one of {', '.join(Level.__members__)}, got {level!r}")
     causes = stated.get("causes", [])
-    if not isinstance(causes, list) or any(name not in Cause.__members__ for name in causes):
+    if not isinstance(causes, list) or any(
+        not isinstance(name, str) or name not in Cause.__members__ for name in causes
+    ):
         raise _Wrong(f"{where}.causes must be a list of {', '.join(Cause.__members__)}, got {causes!r}")
     mask = 0
     for name in causes:
@@ -231,7 +234,7 @@ def _level(stated: Any, where: str) -> Expected:
     since = _bounds(stated["since_s"], f"{where}.since_s") if "since_s" in stated else Bounds(-inf, inf)
     if not isinstance(optional := stated.get("optional", False), bool):
         raise _Wrong(f"{where}.optional must be true or false, got {optional!r}")
-    return Expected(Level[stated["level"]], mask, since, optional)
+    return Expected(Level[level], mask, since, optional)
 
 
 def _bounds(stated: Any, where: str) -> Bounds:
@@ -240,7 +243,10 @@ def _bounds(stated: Any, where: str) -> Bounds:
         raise _Wrong(f"{where} must be [low, high], or one number, got {stated!r}")
     if not pair[0] <= pair[1]:
         raise _Wrong(f"{where} must be [low, high] with low not above high, got {stated!r}")
-    return Bounds(float(pair[0]), float(pair[1]))
+    try:
+        return Bounds(float(pair[0]), float(pair[1]))
+    except OverflowError:
+        raise _Wrong(f"{where} must be [low, high], or one number, got a number above {float_info.max:.1g}") from None
 
 
 def _known(stated: Any, keys: set[str], where: str) -> None:
