@@ -106,6 +106,21 @@ def test_a_supervisor_without_any_joint_state_is_judged(bag: Path, tmp_path: Pat
     assert {interval.level for interval in judged.parts[1]} == {Level.UNKNOWN}
 
 
+def test_runs_of_two_robots_one_after_another_under_one_name_are_refused(bag: Path, tmp_path: Path) -> None:
+    target, count = tmp_path / "two.mcap", 0
+
+    def other(record: object) -> object:
+        nonlocal count
+        if isinstance(record, str) and '"configure"' in record:
+            count += 1
+            return record.replace('"name": "irsbot2"', '"name": "mine"') if count == 2 else record
+        return record
+
+    copied(in_two_activations(bag, tmp_path / "one.mcap", restarted=True), target, other)
+    with pytest.raises(BagError, match="irsbot2 and mine"):
+        judge_again(read_recording(target))
+
+
 def test_a_silence_in_which_a_bag_ends_is_noticed_as_it_was(bag: Path, tmp_path: Path) -> None:
     settings, robot = read_settings("irsbot2")
     samples = read_recording(bag).samples[:100]

@@ -52,8 +52,8 @@ def judge_again(
     assumption: robot and settings, required for a bag without a journal and refused for a bag with one. mechanisms:
     Python files that may contain the recorded mechanism; left out: those beside the bag. Only a file with the recorded
     hash is loaded. watch: called for every judged sample. watch_rows: the same for samples that are judged as columns;
-    with `watch` alone none are. Raises BagError for settings that this version cannot use, and if the robot is missing
-    or given twice.
+    with `watch` alone none are. Raises BagError for settings that this version cannot use, if the robot is missing or
+    given twice, and if the bag has runs of several robots, one after another.
     """
     judged, watches = Judged([], Levels(), 0, 0), (watch, watch_rows)
     files = beside(recording.path) if mechanisms is None else mechanisms
@@ -69,6 +69,7 @@ def judge_again(
             raise BagError(f"{recording.path}: {fault} are for bags of joint states alone")
         else:
             judged.robot = f"{first.values['robot']}, as recorded"
+        _need_one_robot(recording)
         if not recording.states:
             others = [_as_recorded(entry) for entry in recording.journal if entry is not first]
             events = _with_ticks(recording.samples, others, recording.samples[-1].seen_ns)
@@ -98,6 +99,17 @@ def _as_recorded(entry: Recorded) -> Recorded:
     if isinstance(entry, LateBrakes):
         entry = entry._replace(brakes_ns=entry.brakes_ns + later_ns)
     return entry._replace(seen_ns=entry.received_ns)
+
+
+def _need_one_robot(recording: Recording) -> None:
+    """Raises BagError if the settings of the sessions are of different robots."""
+    machines = [entry.machine for entry in recording.journal if isinstance(entry, Configuration)]
+    for machine in machines:
+        if machine != machines[0]:
+            names = f"{machines[0].get('name')} and {machine.get('name')}, with different records"
+            raise BagError(
+                f"{recording.path}: it holds runs of two robots under one name, {names}; split it in two bags"
+            )
 
 
 def beside(bag: Path) -> list[Path]:
