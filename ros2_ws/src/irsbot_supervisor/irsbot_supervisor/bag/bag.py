@@ -76,7 +76,8 @@ class Bag:
                 yield from (entry_of(message) for message in reader.messages() if message.type in DECODERS)
 
     def topics(self) -> list[Topic]:
-        """Topics with their definitions; for an unfinished file, the topics of the part that has been read."""
+        """Topics with their definitions, one of each name; for an unfinished file, those of the part that has been
+        read."""
         found = [topic_of(reader, number) for reader in self.readers for number in reader.channels]
         return list({topic.name: topic for topic in found}.values())
 
@@ -93,9 +94,10 @@ def topic_of(reader: Reader, channel: int) -> Topic:
     return Topic(
         known.topic,
         schema.name if schema is not None else "",
-        schema.data.decode(errors="replace") if schema is not None else "",
-        known.metadata.get("topic_type_hash", ""),
-        yaml.safe_load(known.metadata.get("offered_qos_profiles", "")) or [],
+        schema.data.decode(errors="surrogateescape") if schema is not None else "",
+        known.metadata,
+        schema.encoding if schema is not None else "",
+        known.message_encoding,
     )
 
 
