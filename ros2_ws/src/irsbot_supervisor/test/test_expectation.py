@@ -16,6 +16,7 @@ from irsbot_supervisor.replay.comparison import against_expectation
 from irsbot_supervisor.replay.expectation import MEASURES, Expectation, measures_of, read_expectation, write_draft
 from irsbot_supervisor.replay.judged import Interval, Judged
 from irsbot_supervisor.replay.recording import Recording
+from irsbot_supervisor.replay.rejudge import Assumption
 
 NAMES = ("a", "b")
 SETTINGS = read_settings("irsbot2", {"joint_names": NAMES})[0]
@@ -213,6 +214,21 @@ def test_an_invalid_expectation_is_refused_in_one_line_with_the_place(stated, wo
 def test_a_file_that_is_not_there_is_refused(tmp_path):
     with pytest.raises(BagError, match="No such file"):
         read_expectation(tmp_path / "expected.json")
+
+
+def test_the_path_of_a_robot_is_relative_to_the_file_that_names_it(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    draft, file = tmp_path / "bag" / "expected.json", tmp_path / "robots" / "mine.yaml"
+    draft.parent.mkdir()
+    for robot, stated in (("robots/mine.yaml", "../robots/mine.yaml"), (str(file), "../robots/mine.yaml")):
+        write_draft(RUN, JUDGED, draft, Assumption(robot))
+        assert json.loads(draft.read_text())["robot"] == stated
+        with monkeypatch.context() as elsewhere:
+            elsewhere.chdir("/")
+            assert Path(read_expectation(draft).assumption.robot).resolve() == file
+        draft.unlink()
+    write_draft(RUN, JUDGED, draft, Assumption("irsbot2"))
+    assert read_expectation(draft).assumption.robot == "irsbot2"
 
 
 def test_a_draft_has_the_findings_and_fails(tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import os
 import re
@@ -160,6 +161,35 @@ def test_the_key_changes_with_the_file_of_the_mechanism_wherever_it_is(tmp_path:
     assert len({before, changed, replace(job).key}) == 3
     robot.write_text(": no YAML [")
     assert replace(job).key not in (before, changed)
+
+
+def test_the_key_changes_with_the_robot_and_the_tubes_that_other_files_name(tmp_path: Path) -> None:
+    bag, robots = tmp_path / "bag", tmp_path / "robots"
+    shutil.copytree(BAGS / "type2", bag)
+    robots.mkdir()
+    robot, tubes, mechanism = robots / "mine.yaml", robots / "tubes.yaml", tmp_path / "other" / "mine.py"
+    mechanism.parent.mkdir()
+    settings = tmp_path / "settings.yaml"
+    stated = {"robot": "../robots/mine.yaml", "settings": {"tubes": str(tubes)}, "false_stops": 0}
+    (bag / "expected.json").write_text(json.dumps(stated))
+    settings.write_text(f"tubes: {tubes}\n")
+    jobs = [
+        job_of(bag),
+        replace(job_of(BAGS / "type2"), options=Options(settings=str(settings), mechanisms=(str(mechanism),))),
+    ]
+    keys = [replace(job).key for job in jobs]
+    for file, text, changes in (
+        (robot, "l1: 0.4", (True, False)),
+        (robot, "l1: 0.3", (True, False)),
+        (tubes, "1", (True, True)),
+        (tubes, "2", (True, True)),
+        (mechanism, "L = 1", (False, True)),
+        (mechanism.with_name("used.py"), "W = 1", (False, True)),
+    ):
+        file.write_text(text)
+        now = [replace(job).key for job in jobs]
+        assert tuple(key != before for key, before in zip(now, keys, strict=True)) == changes, file
+        keys = now
 
 
 # --- what is kept ----------------------------------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Sequence
 from math import inf, nan
 from pathlib import Path
@@ -138,7 +139,7 @@ def read_expectation(path: Path) -> Expectation:
     except ValueError as error:
         raise BagError(f"{path}: not JSON: {error}") from None
     try:
-        return _expectation(stated)
+        return _expectation(stated, path.parent)
     except _Wrong as wrong:
         raise BagError(f"{path}: {wrong}") from None
 
@@ -147,7 +148,8 @@ def write_draft(
     recording: Recording, judged: Judged, path: Path, assumed: Assumption | None = None, namespace: str | None = None
 ) -> None:
     """Write a run as the draft of an expectation file, which a person has to read first. assumed, namespace: as given
-    to `judge_again` and `read_recording`; the file repeats them. Raises BagError if there is a file."""
+    to `judge_again` and `read_recording`; the file repeats them, the path of a robot relative to itself. Raises
+    BagError if there is a file."""
     heard = levels_of(judged.intervals)
     found = {name: value for name, value in measures_of(recording, judged).items() if abs(value) < inf}
     stops = found.pop("false_stops", 0.0)
@@ -155,7 +157,9 @@ def write_draft(
     if namespace is not None:
         lines.append(f'  "namespace": {json.dumps(namespace)}')
     if assumed is not None:
-        lines.append(f'  "robot": {json.dumps(assumed.robot)}')
+        named = str(assumed.robot)
+        robot = os.path.relpath(named, path.parent) if _is_file(named) else named
+        lines.append(f'  "robot": {json.dumps(robot)}')
     if assumed is not None and assumed.settings:
         lines.append(f'  "settings": {json.dumps(assumed.settings)}')
     lines += [
@@ -186,7 +190,7 @@ class _Wrong(Exception):
     """Not an expectation."""
 
 
-def _expectation(stated: Any) -> Expectation:
+def _expectation(stated: Any, folder: Path) -> Expectation:
     _known(stated, {"draft", "namespace", "robot", "settings", "story", *MEASURES}, "the file")
     expectation = stated.get("story")
     if expectation is not None and not isinstance(expectation, list):
@@ -200,17 +204,28 @@ def _expectation(stated: Any) -> Expectation:
     if levels is None and not measures:
         raise _Wrong(f"nothing is expected: give story, or one of {', '.join(MEASURES)}")
     return Expectation(
-        levels, measures, "draft" in stated, _assumption(stated), _text(stated, "namespace", "a namespace of the bag")
+        levels,
+        measures,
+        "draft" in stated,
+        _assumption(stated, folder),
+        _text(stated, "namespace", "a namespace of the bag"),
     )
 
 
-def _assumption(stated: Any) -> Assumption | None:
+def _assumption(stated: Any, folder: Path) -> Assumption | None:
     robot, settings = _text(stated, "robot", "the name of a preset or YAML file"), stated.get("settings", {})
     if not isinstance(settings, dict):
         raise _Wrong(f"settings must be a mapping of settings, got {settings!r}")
     if robot is None and settings:
         raise _Wrong("settings need robot")
+    if robot is not None and _is_file(robot):
+        robot = str(folder.absolute() / robot)
     return Assumption(robot, settings) if robot is not None else None
+
+
+def _is_file(robot: str | Path) -> bool:
+    """True for the path of a robot's file, False for the name of a preset."""
+    return Path(robot).suffix in (".yaml", ".yml")
 
 
 def _text(stated: Any, key: str, what: str) -> str | None:
