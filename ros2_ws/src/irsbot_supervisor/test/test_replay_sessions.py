@@ -166,6 +166,25 @@ def test_times_count_from_the_first_joint_state_on_every_clock_and_in_every_outp
     assert 0.0 < measured["hold_share"] < 1.0
 
 
+@pytest.mark.parametrize("stamp_s", [-1.7e9, -0.1, 1.0])
+def test_times_count_from_the_recording_of_a_first_joint_state_whose_stamp_is_wrong(
+    stamp_s: float, bag: Path, tmp_path: Path
+) -> None:
+    """A driver that is not yet synchronised. stamp_s: from the time of its recording."""
+    count = 0
+
+    def wrong(record: object) -> object:
+        nonlocal count
+        if isinstance(record, JointSample):
+            count += 1
+            if count == 1:
+                return record._replace(stamp_ns=record.stamp_ns + round(stamp_s * NS_PER_S))
+        return record
+
+    recording = read_recording(copied(bag, tmp_path / "wrong.mcap", wrong))
+    assert recording.begin_ns == recording.samples[0].seen_ns == read_recording(bag).samples[0].seen_ns
+
+
 def test_an_altered_verdict_of_the_second_supervisor_is_found(bag: Path, tmp_path: Path) -> None:
     both = in_two_activations(bag, tmp_path / "both.mcap", restarted=True)
     began = 0
