@@ -44,7 +44,9 @@ class Entry(NamedTuple):
 
 def entry_of(message: Message) -> Entry:
     """The record of a message whose type is in `DECODERS`. Both receive times of a joint sample are its log time.
-    Raises BagError if the bytes are not of that type."""
+    Raises BagError if the bytes are not of that type, and for a log time that has no sign to spare."""
+    if not 0 <= message.log_ns < 2**63:
+        raise BagError(f"{message.topic}: a log time is {message.log_ns % 2**64} ns, must be below 2**63 ns")
     try:
         return Entry(message.topic, message.log_ns, DECODERS[message.type](message))
     except CdrError as error:

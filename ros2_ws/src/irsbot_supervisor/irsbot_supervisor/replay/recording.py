@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -99,6 +100,8 @@ def read_recording(bag: Path, namespace: str | None = None, topic: str | None = 
             elif not isinstance(entry.record, str) or entry.topic.endswith("/journal"):
                 stated[namespace_of(entry.topic)].append((entry.log_ns, entry.record))
         loss = str(opened.loss) if opened.loss else ""
+        for other in [name for name, words in stated.items() if not _is_supervisor([word for _, word in words])]:
+            del stated[other]
         robots = robots_in(
             [topic for topic in opened.topics() if topic.name in samples or namespace_of(topic.name) in stated]
         )
@@ -108,6 +111,17 @@ def read_recording(bag: Path, namespace: str | None = None, topic: str | None = 
     ]
     samples[joints].compact()
     return Recording(bag, samples[joints], _sessions(words), loss)
+
+
+def _is_supervisor(words: Sequence[object]) -> bool:
+    """True if a namespace has a state, a verdict, or a journal's entry: other programs have journals, too."""
+    for word in words:
+        if not isinstance(word, str):
+            return True
+        with suppress(JournalError):
+            read_entry(word)
+            return True
+    return False
 
 
 def _journal_entry(bag: Path, line: str) -> Entry:

@@ -68,7 +68,7 @@ def judge_again(
             fault = "the bag contains its robot and settings; a given robot and settings"
             raise BagError(f"{recording.path}: {fault} are for bags of joint states alone")
         else:
-            judged.robot = f"{first.values['robot']}, as recorded"
+            judged.robot = f"{first.machine.get('name')}, as recorded"
         _need_one_robot(recording)
         if not recording.states:
             others = [_as_recorded(entry) for entry in recording.journal if entry is not first]
