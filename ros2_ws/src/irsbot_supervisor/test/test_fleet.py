@@ -128,6 +128,16 @@ def test_a_row_survives_as_text_and_the_fleet_adds_up(rows: list[BagRow]) -> Non
     assert total["worst_bag"] == "mode_flip", "its Type 2 margin of 0.036 is far below its limit of 0.15"
 
 
+def test_links_to_folders_that_were_searched_lead_nowhere(tmp_path: Path) -> None:
+    (tmp_path / "one").mkdir()
+    bag = tmp_path / "one" / "one_0.mcap"
+    bag.touch()
+    for name in ("a", "b"):
+        (tmp_path / name).symlink_to(tmp_path)
+        (tmp_path / "one" / name).symlink_to(tmp_path)
+    assert bags_in([tmp_path, tmp_path / "one"]) == [tmp_path / "one"]
+
+
 def test_the_key_changes_with_everything_that_the_result_depends_on(tmp_path: Path) -> None:
     bag = tmp_path / "bag"
     shutil.copytree(BAGS / "type2", bag)
