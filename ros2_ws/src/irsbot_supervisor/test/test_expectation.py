@@ -134,6 +134,8 @@ def test_an_optional_level_may_be_missing_and_no_other(tmp_path):
     assert faults(tmp_path, {"story": STORY}, judged=without) == []
     strict = [{k: v for k, v in entry.items() if k != "optional"} for entry in STORY]
     assert "expected UNKNOWN, OK, WARN, STOP" in faults(tmp_path, {"story": strict}, judged=without)[0]
+    late = [*STORY[:3], {**STORY[3], "since_s": [0.0, 0.1]}, *STORY[4:]]
+    assert "story[3] (STOP) begins" in faults(tmp_path, {"story": late}, judged=without)[0]  # the number in the file
     shorter = judged_of(*JUDGED.intervals[:-1])
     assert "expected" in faults(tmp_path, {"story": STORY}, judged=shorter)[0]
 
@@ -141,8 +143,8 @@ def test_an_optional_level_may_be_missing_and_no_other(tmp_path):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"level": "WARN"}, "chapter 4 at 0.300 s is STOP, expected WARN"),
-        ({"causes": ["TYPE1"]}, "chapter 4 has TYPE2, LATCHED, expected TYPE1"),
+        ({"level": "WARN"}, "story[3] at 0.300 s is STOP, expected WARN"),
+        ({"causes": ["TYPE1"]}, "story[3] has TYPE2, LATCHED, expected TYPE1"),
         ({"since_s": [0.25, 0.29]}, "begins at 0.300 s, expected 0.25 to 0.29"),
         ({"since_s": [0.31, 0.4]}, "begins at 0.300 s"),
     ],
@@ -197,6 +199,7 @@ def test_a_measure_that_a_run_does_not_have_is_out_of_any_bounds(tmp_path):
         ({"false_stops": -1}, "false_stops is never negative, got -1"),
         ({"hold_share": [-0.5, 1]}, "hold_share is never negative"),
         ({"false_stops": 0, "namespace": 5}, "namespace must be a namespace of the bag, got 5"),
+        ({"false_stops": 0, "topic": 5}, "topic must be a topic of the bag, got 5"),
         ({"false_stops": 0, "robot": 5}, "robot must be the name"),
         ({"false_stops": 0, "robot": "irsbot2", "settings": []}, "settings must be a mapping"),
         ({"false_stops": 0, "settings": {"dwell_s": 1}}, "settings need robot"),

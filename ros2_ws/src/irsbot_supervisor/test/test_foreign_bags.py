@@ -187,6 +187,14 @@ def test_the_commands_take_a_sqlite_bag(samples: list[JointSample], judged: Judg
     assert replayed.code == 0
     levels = [interval["level"] for interval in json.loads(replayed.out)["chapters"]]
     assert levels == [interval.level.name for interval in judged.intervals]
+    drafted = irsbot("replay", bag, "--robot", "irsbot2", "--topic", "/wanted", "--write-expect", bag / "expected.json")
+    assert drafted.code == 0
+    stated = json.loads((bag / "expected.json").read_text())
+    assert stated.pop("draft")
+    assert stated["topic"] == "/wanted"
+    (bag / "expected.json").write_text(json.dumps(stated))
+    assert irsbot("replay", bag).code == 0, "later replays need no option"
+    (bag / "expected.json").unlink()
     table = tmp_path / "margins.csv"
     evaluated = irsbot("evaluate", "irsbot2", "--input", bag, "--topic", "/wanted", "--output", table)
     assert evaluated.code == 0

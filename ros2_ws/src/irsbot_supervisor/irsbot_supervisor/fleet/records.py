@@ -15,7 +15,7 @@ from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.configuration.loading import read_values
 from irsbot_supervisor.core.settings import InvalidSettings
 from irsbot_supervisor.fleet.folder import key_of, python_files, robot_files, tubes_files
-from irsbot_supervisor.replay.judgement import story_of
+from irsbot_supervisor.replay.judgement import story_file, story_of
 
 SHOWN_FAULTS = 20
 """Differences per check that are kept in words; all are counted."""
@@ -170,7 +170,7 @@ def _files(bag: Path, options: Options) -> Iterator[Path]:
         yield from _regular(bag.iterdir())
     else:
         yield bag
-        yield from _regular([bag.with_name("expected.json")])
+        yield from filter(None, [story_file(bag)])
     named = [bag] if options.mechanisms is None else [Path(name) for name in options.mechanisms]
     yield from _regular([*python_files(named), *named])
     yield from robot_files(options.robot) if options.robot else []

@@ -56,6 +56,7 @@ class Expectation(NamedTuple):
     draft: bool
     assumption: Assumption | None = None  # the robot of a bag that does not say it
     namespace: str | None = None  # whose run it is, in a bag of several robots
+    topic: str | None = None  # of the joint states, in a bag with several topics of them
 
 
 class LevelSpan(NamedTuple):
@@ -145,17 +146,23 @@ def read_expectation(path: Path) -> Expectation:
 
 
 def write_draft(
-    recording: Recording, judged: Judged, path: Path, assumed: Assumption | None = None, namespace: str | None = None
+    recording: Recording,
+    judged: Judged,
+    path: Path,
+    assumed: Assumption | None = None,
+    namespace: str | None = None,
+    topic: str | None = None,
 ) -> None:
-    """Write a run as the draft of an expectation file, which a person has to read first. assumed, namespace: as given
-    to `judge_again` and `read_recording`; the file repeats them, the path of a robot relative to itself. Raises
+    """Write a run as the draft of an expectation file, which a person has to read first. assumed, namespace, topic: as
+    given to `judge_again` and `read_recording`; the file repeats them, the path of a robot relative to itself. Raises
     BagError if there is a file."""
     heard = levels_of(judged.intervals)
     found = {name: value for name, value in measures_of(recording, judged).items() if abs(value) < inf}
     stops = found.pop("false_stops", 0.0)
     lines = [f'  "draft": {json.dumps(DRAFT)}']
-    if namespace is not None:
-        lines.append(f'  "namespace": {json.dumps(namespace)}')
+    for key, value in (("namespace", namespace), ("topic", topic)):
+        if value is not None:
+            lines.append(f'  "{key}": {json.dumps(value)}')
     if assumed is not None:
         named = str(assumed.robot)
         robot = os.path.relpath(named, path.parent) if _is_file(named) else named
@@ -191,7 +198,7 @@ class _Wrong(Exception):
 
 
 def _expectation(stated: Any, folder: Path) -> Expectation:
-    _known(stated, {"draft", "namespace", "robot", "settings", "story", *MEASURES}, "the file")
+    _known(stated, {"draft", "namespace", "topic", "robot", "settings", "story", *MEASURES}, "the file")
     expectation = stated.get("story")
     if expectation is not None and not isinstance(expectation, list):
         raise _Wrong("story must be a list of levels")
@@ -203,13 +210,11 @@ def _expectation(stated: Any, folder: Path) -> Expectation:
         raise _Wrong(f"{negative[0]} is never negative, got {stated[negative[0]]!r}")
     if levels is None and not measures:
         raise _Wrong(f"nothing is expected: give story, or one of {', '.join(MEASURES)}")
-    return Expectation(
-        levels,
-        measures,
-        "draft" in stated,
-        _assumption(stated, folder),
+    namespace, topic = (
         _text(stated, "namespace", "a namespace of the bag"),
+        _text(stated, "topic", "a topic of the bag"),
     )
+    return Expectation(levels, measures, "draft" in stated, _assumption(stated, folder), namespace, topic)
 
 
 def _assumption(stated: Any, folder: Path) -> Assumption | None:
