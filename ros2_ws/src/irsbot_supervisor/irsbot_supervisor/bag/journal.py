@@ -65,8 +65,8 @@ def read_entry(line: str) -> Entry:
             return Reset(*times, _whole(stated["event"]), str(stated["text"]), seed)
         if kind == "bypass":
             words = str(stated["operator"]), str(stated["reason"])
-            request = _whole(stated["event"]), _whole(stated["cause"]), float(stated["duration_s"])
-            return Bypass(*times, *request, *words)
+            event, cause, duration_s = _whole(stated["event"]), _whole(stated["cause"]), float(stated["duration_s"])
+            return Bypass(*times, event, cause, duration_s, *words)
         raise ValueError(f"kind '{kind}'")
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
         raise JournalError(f"not a journal entry: {line[:80]!r} ({type(error).__name__} {error})") from None

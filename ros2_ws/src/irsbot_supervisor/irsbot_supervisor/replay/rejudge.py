@@ -11,7 +11,7 @@ from collections import defaultdict, deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import count
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 from irsbot_kinematics import KinematicsError, Robot
 from irsbot_msgs_py.records import JointSample, LateBrakes, Level, Tick
@@ -24,8 +24,6 @@ from irsbot_supervisor.replay.judged import SILENCE_NS, Interval, Judged
 from irsbot_supervisor.replay.levels import Levels
 from irsbot_supervisor.replay.recording import Recording, SupervisorSession
 from irsbot_supervisor.replay.stepping import Input, Stepper, Watch, WatchRows, in_order
-
-Recorded = TypeVar("Recorded", bound=Entry)
 
 
 class Assumption(NamedTuple):
@@ -73,7 +71,8 @@ def judge_again(
         if not recording.states:
             others = [_as_recorded(entry) for entry in recording.journal if entry is not first]
             events = _with_ticks(recording.samples, others, recording.samples[-1].seen_ns)
-            _step_through(judged, _as_recorded(first), events, count(1), files, watches)
+            begin = first._replace(seen_ns=first.received_ns)
+            _step_through(judged, begin, events, count(1), files, watches)
             return judged
         waiting: dict[int, deque[JointSample]] = defaultdict(deque)
         for sample in recording.samples:
@@ -93,7 +92,7 @@ def judge_again(
     return judged
 
 
-def _as_recorded(entry: Recorded) -> Recorded:
+def _as_recorded(entry: Entry) -> Entry:
     """An entry with the ROS clock in place of the steady one: the clock of samples that no state tells the time of."""
     later_ns = entry.received_ns - entry.seen_ns
     if isinstance(entry, LateBrakes):
