@@ -38,6 +38,9 @@ FILES = {
     "far.yaml": "expect: {stop: false}\nrobots: {irsbot2: {start: [9.0, 9.0]}}\nrun: [{wait: 1.0}]\n",
     "params.yaml": "supervisor:\n  ros__parameters:\n    nonsense: 1\n",
     "equations.yaml": "equations: 3\npose: 4\njoints: 5\n",
+    "binary.yaml": "\x00\xff\x00",
+    "binary.urdf": "\x00\xff\x00",
+    "still.yaml": "expect: {stop: false}\nrobots: {irsbot2: {start: [0.0, -0.85]}}\ncycle: [{wait: 0.0}]\n",
     "not.mcap": "this is no bag",
     "story.json": "no story",
     "exists.yaml": "mine",
@@ -57,6 +60,7 @@ demo --scenario nonsense
 demo --scenario nofile.yaml
 demo --scenario scenario.yaml
 demo --scenario no.yaml
+demo --scenario still.yaml
 demo --robot nonsense
 demo --robot unknown.yaml
 demo --seconds 0
@@ -166,6 +170,7 @@ limits irsbot2 --speed 0
 limits irsbot2 --latency -1
 limits irsbot2 --rate 0
 limits irsbot2 --rate nan
+limits irsbot2 --urdf binary.urdf
 limits irsbot2 -o exists.yaml
 limits irsbot2 -o joints.csv/x.yaml
 limits extra.yaml -o extra.yaml --force
@@ -194,6 +199,14 @@ map irsbot2 --what force --admissible 100 --centre 0
 map irsbot2 --admissible 100
 verdict --domain 500
 verdict --wait 0
+verdict --namespace 9lives
+monitor --namespace 9lives
+monitor --web --web-host a..b
+monitor --foxglove --foxglove-host .x
+reset 1 --by Ann --because x --namespace a//b
+set type1_stop 0.1 --namespace 9lives
+send velocity 0.1 --namespace a-b
+send escape --namespace 9lives
 monitor --once --domain 500
 monitor --once --wait 0
 docs --out exists.csv
@@ -246,6 +259,9 @@ design search -o exists.yaml
 design size nonsense --largest 0.001
 algebra cells nonsense
 algebra cells equations.yaml
+algebra cells binary.yaml
+algebra singular 3rpr --fix rho1=17 --box rho2=a:45 --box rho3=0:45 --plot x.png
+algebra singular 3rpr --fix rho1=17 --box rho2=0:1/0 --box rho3=0:45 --plot x.png
 """.splitlines()
 
 

@@ -262,6 +262,14 @@ def test_a_file_that_is_not_a_bag_is_refused(tmp_path: Path, content: bytes):
         Bag(path)
 
 
+def test_a_folder_with_several_bags_is_refused_and_they_are_named(tmp_path: Path):
+    for day in ("monday", "tuesday"):
+        with BagWriter(tmp_path / f"{day}.mcap") as writer:
+            writer.add("/text", day, START_NS)
+    with pytest.raises(BagError, match=r"several bags; name one of them: monday\.mcap, tuesday\.mcap"):
+        Bag(tmp_path)
+
+
 def test_a_folder_without_a_bag_is_refused(tmp_path: Path):
     with pytest.raises(BagError, match=r"holds no \.mcap"):
         Bag(tmp_path)

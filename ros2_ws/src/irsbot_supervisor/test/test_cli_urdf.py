@@ -34,6 +34,9 @@ def test_ranges_of_a_urdf_become_settings(tmp_path: Path):
     assert irsbot(*words, "-o", proposed).code == 0
     told = yaml.safe_load(proposed.read_text())["/**"]["ros__parameters"]
     assert (told["position_lower"], told["position_upper"]) == ([0.0] * 3, [4.0] * 3)
+    latin = "<?xml version='1.0' encoding='ISO-8859-1'?>\n<!-- Krän -->" + described.read_text().partition("?>")[2]
+    described.write_text(latin, encoding="latin-1")
+    assert irsbot(*words, "-o", proposed, "--force").code == 0
     for text, why in (
         ("<robot", "not XML"),
         ("<robot name='a'/>", "has no joint 'slide_1'"),

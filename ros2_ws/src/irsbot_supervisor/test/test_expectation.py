@@ -11,12 +11,15 @@ import pytest
 from irsbot_msgs_py.records import Cause, JointSample, Level
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.bag.errors import BagError
+from irsbot_supervisor.configuration.loading import read_settings
 from irsbot_supervisor.replay.comparison import against_expectation
 from irsbot_supervisor.replay.expectation import MEASURES, Expectation, measures_of, read_expectation, write_draft
 from irsbot_supervisor.replay.judged import Interval, Judged
 from irsbot_supervisor.replay.recording import Recording
+from irsbot_supervisor.replay.rejudge import Assumption
 
 NAMES = ("a", "b")
+SETTINGS = read_settings("irsbot2", {"joint_names": NAMES})[0]
 
 
 def interval(time_s: float, level: Level, causes: Cause = Cause.NONE) -> Interval:
@@ -31,7 +34,7 @@ def recording_of(speeds: list[float], period_s: float = 0.1) -> Recording:
 
 
 def judged_of(*intervals: Interval) -> Judged:
-    return Judged([list(intervals)], {}, 0, 0)
+    return Judged([list(intervals)], {}, 0, 0, settings=[(0, SETTINGS)])
 
 
 START = interval(0.0, Level.UNKNOWN, Cause.NO_DATA)
@@ -91,6 +94,24 @@ def test_velocities_that_are_none_do_not_count_as_standing():
     assert measures_of(lost, stopped)["time_to_stop_s"] == pytest.approx(0.4 - 0.25)
 
 
+def test_the_joints_of_the_robot_stand_by_its_own_settings():
+    """A conveyor runs on, and a gripper with a message of its own has stood all the time."""
+    samples = [
+        message
+        for one in RUN.samples
+        for message in (
+            one._replace(names=("conveyor", *NAMES), position=(0.0, 0.0, 0.0), velocity=(1.0, *one.velocity)),
+            one._replace(names=("gripper",), position=(0.0,), velocity=(0.0,)),
+        )
+    ]
+    run = Recording(Path("run"), samples=samples)
+    assert measures_of(run, JUDGED)["time_to_stop_s"] == pytest.approx(0.5 - 0.3)
+    for speed, stands_s in ((0.005, 0.6), (1.5, 0.4)):
+        judged = judged_of(*JUDGED.intervals)
+        judged.settings = [(0, read_settings("irsbot2", {"joint_names": NAMES, "standstill_speed": speed})[0])]
+        assert measures_of(run, judged)["time_to_stop_s"] == pytest.approx(stands_s - 0.3)
+
+
 # --- what differs -----------------------------------------------------------------------------------------------
 
 STORY = [
@@ -113,6 +134,8 @@ def test_an_optional_level_may_be_missing_and_no_other(tmp_path):
     assert faults(tmp_path, {"story": STORY}, judged=without) == []
     strict = [{k: v for k, v in entry.items() if k != "optional"} for entry in STORY]
     assert "expected UNKNOWN, OK, WARN, STOP" in faults(tmp_path, {"story": strict}, judged=without)[0]
+    late = [*STORY[:3], {**STORY[3], "since_s": [0.0, 0.1]}, *STORY[4:]]
+    assert "story[3] (STOP) begins" in faults(tmp_path, {"story": late}, judged=without)[0]  # the number in the file
     shorter = judged_of(*JUDGED.intervals[:-1])
     assert "expected" in faults(tmp_path, {"story": STORY}, judged=shorter)[0]
 
@@ -120,8 +143,8 @@ def test_an_optional_level_may_be_missing_and_no_other(tmp_path):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"level": "WARN"}, "chapter 4 at 0.300 s is STOP, expected WARN"),
-        ({"causes": ["TYPE1"]}, "chapter 4 has TYPE2, LATCHED, expected TYPE1"),
+        ({"level": "WARN"}, "story[3] at 0.300 s is STOP, expected WARN"),
+        ({"causes": ["TYPE1"]}, "story[3] has TYPE2, LATCHED, expected TYPE1"),
         ({"since_s": [0.25, 0.29]}, "begins at 0.300 s, expected 0.25 to 0.29"),
         ({"since_s": [0.31, 0.4]}, "begins at 0.300 s"),
     ],
@@ -164,6 +187,9 @@ def test_a_measure_that_a_run_does_not_have_is_out_of_any_bounds(tmp_path):
         ({"story": [{"level": "OK", "cause": []}]}, "unknown key 'cause'"),
         ({"story": [{"level": "OK", "causes": "TYPE1"}]}, "story[0].causes"),
         ({"story": [{"level": "OK", "causes": ["TYPE9"]}]}, "story[0].causes"),
+        ({"story": [{"level": ["OK"]}]}, "story[0].level must be one of"),
+        ({"story": [{"level": "OK", "causes": [["TYPE1"]]}]}, "story[0].causes must be a list of"),
+        ({"false_stops": 10**400}, "false_stops must be"),
         ({"story": [{"level": "OK", "since_s": [1]}]}, "story[0].since_s must be [low, high]"),
         ({"story": [{"level": "OK", "since_s": [2, 1]}]}, "low not above high"),
         ({"story": [{"level": "OK", "since_s": "1"}]}, "story[0].since_s"),
@@ -173,6 +199,7 @@ def test_a_measure_that_a_run_does_not_have_is_out_of_any_bounds(tmp_path):
         ({"false_stops": -1}, "false_stops is never negative, got -1"),
         ({"hold_share": [-0.5, 1]}, "hold_share is never negative"),
         ({"false_stops": 0, "namespace": 5}, "namespace must be a namespace of the bag, got 5"),
+        ({"false_stops": 0, "topic": 5}, "topic must be a topic of the bag, got 5"),
         ({"false_stops": 0, "robot": 5}, "robot must be the name"),
         ({"false_stops": 0, "robot": "irsbot2", "settings": []}, "settings must be a mapping"),
         ({"false_stops": 0, "settings": {"dwell_s": 1}}, "settings need robot"),
@@ -190,6 +217,21 @@ def test_an_invalid_expectation_is_refused_in_one_line_with_the_place(stated, wo
 def test_a_file_that_is_not_there_is_refused(tmp_path):
     with pytest.raises(BagError, match="No such file"):
         read_expectation(tmp_path / "expected.json")
+
+
+def test_the_path_of_a_robot_is_relative_to_the_file_that_names_it(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    draft, file = tmp_path / "bag" / "expected.json", tmp_path / "robots" / "mine.yaml"
+    draft.parent.mkdir()
+    for robot, stated in (("robots/mine.yaml", "../robots/mine.yaml"), (str(file), "../robots/mine.yaml")):
+        write_draft(RUN, JUDGED, draft, Assumption(robot))
+        assert json.loads(draft.read_text())["robot"] == stated
+        with monkeypatch.context() as elsewhere:
+            elsewhere.chdir("/")
+            assert Path(read_expectation(draft).assumption.robot).resolve() == file
+        draft.unlink()
+    write_draft(RUN, JUDGED, draft, Assumption("irsbot2"))
+    assert read_expectation(draft).assumption.robot == "irsbot2"
 
 
 def test_a_draft_has_the_findings_and_fails(tmp_path):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import logging
 import os
 import re
@@ -127,6 +128,16 @@ def test_a_row_survives_as_text_and_the_fleet_adds_up(rows: list[BagRow]) -> Non
     assert total["worst_bag"] == "mode_flip", "its Type 2 margin of 0.036 is far below its limit of 0.15"
 
 
+def test_links_to_folders_that_were_searched_lead_nowhere(tmp_path: Path) -> None:
+    (tmp_path / "one").mkdir()
+    bag = tmp_path / "one" / "one_0.mcap"
+    bag.touch()
+    for name in ("a", "b"):
+        (tmp_path / name).symlink_to(tmp_path)
+        (tmp_path / "one" / name).symlink_to(tmp_path)
+    assert bags_in([tmp_path, tmp_path / "one"]) == [tmp_path / "one"]
+
+
 def test_the_key_changes_with_everything_that_the_result_depends_on(tmp_path: Path) -> None:
     bag = tmp_path / "bag"
     shutil.copytree(BAGS / "type2", bag)
@@ -160,6 +171,35 @@ def test_the_key_changes_with_the_file_of_the_mechanism_wherever_it_is(tmp_path:
     assert len({before, changed, replace(job).key}) == 3
     robot.write_text(": no YAML [")
     assert replace(job).key not in (before, changed)
+
+
+def test_the_key_changes_with_the_robot_and_the_tubes_that_other_files_name(tmp_path: Path) -> None:
+    bag, robots = tmp_path / "bag", tmp_path / "robots"
+    shutil.copytree(BAGS / "type2", bag)
+    robots.mkdir()
+    robot, tubes, mechanism = robots / "mine.yaml", robots / "tubes.yaml", tmp_path / "other" / "mine.py"
+    mechanism.parent.mkdir()
+    settings = tmp_path / "settings.yaml"
+    stated = {"robot": "../robots/mine.yaml", "settings": {"tubes": str(tubes)}, "false_stops": 0}
+    (bag / "expected.json").write_text(json.dumps(stated))
+    settings.write_text(f"tubes: {tubes}\n")
+    jobs = [
+        job_of(bag),
+        replace(job_of(BAGS / "type2"), options=Options(settings=str(settings), mechanisms=(str(mechanism),))),
+    ]
+    keys = [replace(job).key for job in jobs]
+    for file, text, changes in (
+        (robot, "l1: 0.4", (True, False)),
+        (robot, "l1: 0.3", (True, False)),
+        (tubes, "1", (True, True)),
+        (tubes, "2", (True, True)),
+        (mechanism, "L = 1", (False, True)),
+        (mechanism.with_name("used.py"), "W = 1", (False, True)),
+    ):
+        file.write_text(text)
+        now = [replace(job).key for job in jobs]
+        assert tuple(key != before for key, before in zip(now, keys, strict=True)) == changes, file
+        keys = now
 
 
 # --- what is kept ----------------------------------------------------------------------------------------------------

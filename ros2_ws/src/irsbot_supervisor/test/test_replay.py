@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import fake_failing_mechanism
@@ -13,11 +14,16 @@ from typer.testing import CliRunner
 import irsbot_supervisor.replay.stepping
 from irsbot_msgs_py.records import Cause, JointSample, Level, SingularityState, Verdict
 from irsbot_msgs_py.stamps import NS_PER_S
+from irsbot_supervisor.bag.bag import Bag
+from irsbot_supervisor.bag.bag_writer import BagWriter
 from irsbot_supervisor.bag.errors import BagError
+from irsbot_supervisor.bag.journal import read_entry, write_entry
 from irsbot_supervisor.cli.app import whole_app
 from irsbot_supervisor.replay.comparison import against_recording
 from irsbot_supervisor.replay.recording import read_recording
 from irsbot_supervisor.replay.rejudge import Assumption, judge_again
+
+START_NS = 1_700_000_000 * NS_PER_S
 
 
 def test_a_run_is_judged_as_it_was_and_the_same_twice(bag: Path) -> None:
@@ -154,6 +160,84 @@ def test_given_settings_count_only_for_a_bag_of_joint_states_alone(bag: Path, tm
         judge_again(recording, Assumption("irsbot2", {"nonsense": 1}))
     with pytest.raises(BagError, match="robot"):
         judge_again(read_recording(bag), Assumption("irsbot2"))
+
+
+def test_settings_and_resets_come_at_their_times_also_without_states(bag: Path, tmp_path: Path) -> None:
+    """The journal tells both clocks. Without states the samples have the time of their recording alone."""
+    count, changed = 0, tmp_path / "changed.mcap"
+    with Bag(bag) as opened, BagWriter(changed) as writer:
+        for entry in opened.records():
+            if isinstance(entry.record, JointSample):
+                count += 1
+            elif isinstance(entry.record, str) and '"configure"' in entry.record:
+                first = read_entry(entry.record)
+            writer.add(entry.topic, entry.record, entry.log_ns)
+            if count == 100:
+                count += 1
+                later_ns = entry.log_ns - first.received_ns
+                again = first._replace(received_ns=entry.log_ns, seen_ns=first.seen_ns + later_ns)
+                again.values["dwell_s"] = 0.2
+                writer.add("/supervisor/journal", write_entry(again), entry.log_ns)
+    no_states = tmp_path / "no_states.mcap"
+    copied(changed, no_states, lambda record: None if isinstance(record, SingularityState | Verdict) else record)
+    right, found = judge_again(read_recording(changed)), judge_again(read_recording(no_states))
+    assert [since_ns for since_ns, _ in found.settings] == [since_ns for since_ns, _ in right.settings]
+    assert found.intervals[-1].latched
+    assert found.intervals[1:] == right.intervals[1:]  # both begin with UNKNOWN: settings come before the samples
+
+
+def test_the_journal_of_another_program_is_none_of_a_supervisor(bag: Path, tmp_path: Path) -> None:
+    alone, target = samples_of(bag, tmp_path / "alone.mcap"), tmp_path / "noted.mcap"
+    with Bag(alone) as opened, BagWriter(target) as writer:
+        writer.add("/app/journal", "hello", START_NS)
+        for entry in opened.records():
+            writer.add(entry.topic, entry.record, entry.log_ns)
+    told = Assumption("irsbot2")
+    assert judge_again(read_recording(target), told) == judge_again(read_recording(alone), told)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"seen_ns": None},
+        {"received_ns": "now"},
+        {"received_ns": 1e400},
+        {"seen_ns": 10**30},
+        {"values": []},
+        {"machine": []},
+        {"machine": {}},
+        {"values": {}},
+        {"machine": {"assembly_mode": "x"}},
+        {"machine": {"geometry": {"l1": "x"}}},
+    ],
+)
+def test_a_malformed_entry_of_a_journal_is_refused_in_one_sentence(
+    change: dict[str, object], bag: Path, tmp_path: Path
+) -> None:
+    def spoil(record: object) -> object:
+        if not isinstance(record, str) or '"configure"' not in record:
+            return record
+        entry = json.loads(record)
+        whole = {key: {**entry[key], **value} if value and key == "machine" else value for key, value in change.items()}
+        return json.dumps({**entry, **whole})
+
+    target = copied(bag, tmp_path / "spoilt.mcap", spoil)
+    with pytest.raises(BagError, match="spoilt") as caught:
+        judge_again(read_recording(target))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("others", [0, 1])
+def test_log_times_that_are_too_large_are_refused(others: int, tmp_path: Path) -> None:
+    target = tmp_path / "late.mcap"
+    with BagWriter(target) as writer:
+        for k in range(100):
+            sample = JointSample(k, k, k, ("a", "b"), (0.0, 0.0), (0.0, 0.0))
+            writer.add("/joint_states", sample, 2**63 + 2 * k)
+            if others:
+                writer.add("/text", "hello", 2**63 + 2 * k + 1)
+    with pytest.raises(BagError, match="a log time is 92233720368547758"):
+        read_recording(target)
 
 
 def test_a_bag_without_joint_states_is_refused(bag: Path, tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from irsbot_supervisor.cli.app import whole_app
 from irsbot_supervisor.cli.junit import Suite, write_junit
 from irsbot_supervisor.configuration.loading import read_settings, shipped_values
-from irsbot_supervisor.fleet.records import BagCheck
+from irsbot_supervisor.fleet.records import BagCheck, BagJob, Options
 from irsbot_supervisor.sim.closed_loop import cycles, record
 from irsbot_supervisor.sim.simulation import simulation_from
 
@@ -106,6 +106,18 @@ def test_the_given_robot_is_kept_with_the_expectations(bag: Path, tmp_path: Path
     other = run.invoke(whole_app(), ["replay", alone, "--robot", "irsbot2_beta45"])
     assert other.exit_code == 1
     assert "robot: irsbot2_beta45 with its shipped settings" in other.stdout
+
+
+def test_single_files_of_one_folder_have_expectations_of_their_own(bag: Path, tmp_path: Path) -> None:
+    for name in ("a.mcap", "b.mcap"):
+        shutil.copy(bag, tmp_path / name)
+    right, wrong = {"false_stops": [0, 99]}, {"false_stops": 99}
+    (tmp_path / "a.expected.json").write_text(json.dumps(right))
+    (tmp_path / "expected.json").write_text(json.dumps(wrong))
+    assert [irsbot("replay", tmp_path / name).code for name in ("a.mcap", "b.mcap")] == [0, 1]
+    before = BagJob("a", str(tmp_path / "a.mcap"), Options()).key
+    (tmp_path / "a.expected.json").write_text(json.dumps(wrong))
+    assert BagJob("a", str(tmp_path / "a.mcap"), Options()).key != before
 
 
 def test_the_command_fails_with_the_first_difference_from_an_expectation_file(bag: Path, tmp_path: Path) -> None:

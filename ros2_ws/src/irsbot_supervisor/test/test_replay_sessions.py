@@ -86,6 +86,41 @@ def test_a_supervisor_that_goes_on_after_a_pause_is_the_same(bag: Path, tmp_path
     assert any(interval.causes & Cause.STALE for interval in judged.intervals)  # the pause is a silence of the joints
 
 
+def test_a_supervisor_without_any_joint_state_is_judged(bag: Path, tmp_path: Path) -> None:
+    """It was started again, and the robot is off."""
+    settings, robot = read_settings("irsbot2")
+    samples = read_recording(bag).samples[:100]
+    target = tmp_path / "off.mcap"
+    with BagWriter(target) as writer:
+        for sample in samples:
+            writer.add("joint_states", sample, sample.received_ns)
+        change = configured(settings, robot, samples[0].received_ns - 1, samples[0].seen_ns - 1)
+        active(Supervisor(settings, robot), change, samples, writer)
+        begin = Tick(samples[-1].received_ns + NS_PER_S, samples[-1].seen_ns + NS_PER_S)
+        ticks = [Tick(begin.received_ns + ms * 10**6, begin.seen_ns + ms * 10**6) for ms in range(10, 300, 10)]
+        active(Supervisor(settings, robot), configured(settings, robot, *begin), ticks, writer)
+    recording = read_recording(target)
+    judged = judge_again(recording)
+    assert len(recording.sessions) == 2
+    assert faults_of(recording, judged) == {"recorded verdicts": (), "recorded states": ()}
+    assert {interval.level for interval in judged.parts[1]} == {Level.UNKNOWN}
+
+
+def test_runs_of_two_robots_one_after_another_under_one_name_are_refused(bag: Path, tmp_path: Path) -> None:
+    target, count = tmp_path / "two.mcap", 0
+
+    def other(record: object) -> object:
+        nonlocal count
+        if isinstance(record, str) and '"configure"' in record:
+            count += 1
+            return record.replace('"name": "irsbot2"', '"name": "mine"') if count == 2 else record
+        return record
+
+    copied(in_two_activations(bag, tmp_path / "one.mcap", restarted=True), target, other)
+    with pytest.raises(BagError, match="irsbot2 and mine"):
+        judge_again(read_recording(target))
+
+
 def test_a_silence_in_which_a_bag_ends_is_noticed_as_it_was(bag: Path, tmp_path: Path) -> None:
     settings, robot = read_settings("irsbot2")
     samples = read_recording(bag).samples[:100]
@@ -129,6 +164,25 @@ def test_times_count_from_the_first_joint_state_on_every_clock_and_in_every_outp
     assert later[0]["time_s"] == pytest.approx((unknown_ns - begin_ns) / NS_PER_S)
     measured = measures_of(recording, judge_again(recording))
     assert 0.0 < measured["hold_share"] < 1.0
+
+
+@pytest.mark.parametrize("stamp_s", [-1.7e9, -0.1, 1.0])
+def test_times_count_from_the_recording_of_a_first_joint_state_whose_stamp_is_wrong(
+    stamp_s: float, bag: Path, tmp_path: Path
+) -> None:
+    """A driver that is not yet synchronised. stamp_s: from the time of its recording."""
+    count = 0
+
+    def wrong(record: object) -> object:
+        nonlocal count
+        if isinstance(record, JointSample):
+            count += 1
+            if count == 1:
+                return record._replace(stamp_ns=record.stamp_ns + round(stamp_s * NS_PER_S))
+        return record
+
+    recording = read_recording(copied(bag, tmp_path / "wrong.mcap", wrong))
+    assert recording.begin_ns == recording.samples[0].seen_ns == read_recording(bag).samples[0].seen_ns
 
 
 def test_an_altered_verdict_of_the_second_supervisor_is_found(bag: Path, tmp_path: Path) -> None:

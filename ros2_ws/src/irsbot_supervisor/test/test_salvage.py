@@ -14,6 +14,7 @@ from irsbot_msgs_py.cdr import encode_string
 from irsbot_supervisor.bag.bag import Bag
 from irsbot_supervisor.bag.bag_writer import BagWriter
 from irsbot_supervisor.bag.errors import BagError
+from irsbot_supervisor.bag.mcap_reader import McapReader, Place
 from irsbot_supervisor.bag.salvage import salvage
 from irsbot_supervisor.cli import bags
 from irsbot_supervisor.cli.common import Failed
@@ -147,6 +148,63 @@ def test_bags_of_other_recorders_keep_types_that_are_not_installed(tmp_path: Pat
     assert missing  # the third chunk
     assert missing == list(range(missing[0], missing[-1] + 1))
     assert saved.loss.messages == len(missing)
+
+
+def test_encodings_metadata_and_channels_of_one_name_are_kept(tmp_path: Path):
+    path = tmp_path / "other.mcap"
+    schemas = [
+        ("Pose", "jsonschema", b'{"type":"object"}'),
+        ("Other", "jsonschema", b"{}"),
+        ("my_msgs/msg/Idl", "ros2idl", b"module my_msgs { };"),
+        ("my.Message", "protobuf", bytes(range(256))),
+    ]
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("other")
+        pose, other, idl, message = (writer.register_schema(*schema) for schema in schemas)
+        channels = [
+            writer.register_channel("/pose", "json", pose, {"frame": "base"}),
+            writer.register_channel("/idl", "cdr", idl, {"offered_qos_profiles": "\x0b: no [YAML"}),
+            writer.register_channel("/pose", "json", other),
+            writer.register_channel("/binary", "protobuf", message),
+            writer.register_channel("/raw", "json", 0),
+        ]
+        for k in range(5):
+            for channel in channels:
+                writer.add_message(channel, START_NS + k, f'{{"x": {channel}}}'.encode(), START_NS + k)
+        writer.finish()
+
+    def content(file: Path) -> list[tuple[object, ...]]:
+        with file.open("rb") as stream:
+            return [
+                (c.topic, c.message_encoding, c.metadata, s and (s.name, s.encoding, s.data), m.data)
+                for s, c, m in make_reader(stream).iter_messages(log_time_order=False)
+            ]
+
+    assert not salvage(path, tmp_path / "saved.mcap").loss
+    assert content(tmp_path / "saved.mcap") == content(path)
+
+
+def test_an_interrupted_salvage_does_not_look_complete(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    path, target = tmp_path / "killed.mcap", tmp_path / "saved"
+    record(path)
+    count, scan = 0, McapReader.scan
+
+    def interrupted(self: McapReader, block: bytes) -> list[Place]:
+        nonlocal count
+        count += 1
+        if count > 5:
+            raise KeyboardInterrupt
+        return scan(self, block)
+
+    monkeypatch.setattr(McapReader, "scan", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        salvage(path, target)
+    monkeypatch.setattr(McapReader, "scan", scan)
+    assert [file.name for file in target.iterdir()] == ["saved_0.mcap"]
+    with Bag(target) as opened:
+        assert 0 < len(list(opened.messages())) < len(TEXTS)
+        assert opened.loss.cut
 
 
 @pytest.mark.parametrize("checked", [True, False], ids=["with checksums", "without"])

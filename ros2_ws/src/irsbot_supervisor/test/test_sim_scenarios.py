@@ -227,6 +227,10 @@ def test_a_robot_may_have_its_own_pieces_and_expectation(tmp_path):
         ({"expect": {"stop": False, "unknown": "no"}}, "expect.unknown must be true or false, got 'no'"),
         ({"expect": {"stop": True, "causes": ["TYPE3"]}}, "no cause 'TYPE3'; known are NONE, TYPE1"),
         ({"cycle": [{"by": [[0.1, 0.0]], "to": [[0.0, 0.0]]}]}, r"cycle\[0\]: a piece has exactly one of by, to"),
+        ({"expect": {"stop": True, "causes": "TYPE2"}}, r"expect.causes must be a list of names .*, got 'TYPE2'"),
+        ({"expect": {"stop": True, "causes": 5}}, "expect.causes must be a list"),
+        ({"expect": {"stop": True, "causes": [["TYPE2"]]}}, "expect.causes must be a list"),
+        ({"robots": {2: {"start": [0.0, -0.8]}}}, "robots must name"),
         ({"cycle": [{"by": [[0.1, 0.0]], "sped": 1.0}]}, "unknown key 'sped'"),
         ({"cycle": [{"by": [[0.1, "x"]]}]}, r"by\[0\]: expected a number, got 'x'"),
         ({"cycle": [{"wait": -1.0}]}, "wait: expected a positive number, got -1.0"),
@@ -244,6 +248,7 @@ def test_a_scenario_that_cannot_be_read_is_refused(tmp_path, changes, reason):
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
+        ({"cycle": [{"wait": 0.0}]}, "the cycle takes no time"),
         ({"cycle": [{"by": [[0.1, 0.0]]}]}, r"the cycle ends .* from where it begins"),
         ({"cycle": [{"by": [[0.1, 0.0, 0.0]]}]}, r"cycle\[0\]: a pose is x \[m\], z \[m\]"),
         ({"run": [{"to": [[0.0, -1.25]]}]}, r"run\[0\]: the path leaves the workspace"),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -26,7 +26,10 @@ Reader = McapReader | ForeignReader
 
 
 class Bag:
-    """An existing bag: read it, then look at `loss`. MCAP files may be damaged."""
+    """An existing bag: read it, then look at `loss`. MCAP files may be damaged.
+
+    Compressed files are unpacked into the temporary folder, all of them when the bag is opened.
+    """
 
     def __init__(self, source: Path) -> None:
         """Open a bag directory or file. Raises BagError for other paths."""
@@ -62,21 +65,24 @@ class Bag:
         Both receive times of a sample are its recording time, by the recorder's clock. Raises BagError for a message
         that is not of its type.
         """
-        for message in self.messages(topic):
-            if message.type in DECODERS:
-                yield entry_of(message)
+        for reader in self.readers:
+            decoded = _decoder_of(reader)
+            for message in reader.messages(lambda name: topic is None or is_named(name, topic)):
+                if message.type in DECODERS:
+                    yield decoded(message)
 
     def columns(self) -> Iterator[Entry | Columns]:
         """The same records of all topics, joint states as columns where many of one layout follow one another. Only the
         records of one topic keep their order."""
         for reader in self.readers:
             if isinstance(reader, McapReader):
-                yield from columns_in(reader, entry_of, DECODERS, JOINT_STATE)
+                yield from columns_in(reader, _decoder_of(reader), DECODERS, JOINT_STATE)
             else:
-                yield from (entry_of(message) for message in reader.messages() if message.type in DECODERS)
+                yield from map(_decoder_of(reader), (one for one in reader.messages() if one.type in DECODERS))
 
     def topics(self) -> list[Topic]:
-        """Topics with their definitions; for an unfinished file, the topics of the part that has been read."""
+        """Topics with their definitions, one of each name; for an unfinished file, those of the part that has been
+        read."""
         found = [topic_of(reader, number) for reader in self.readers for number in reader.channels]
         return list({topic.name: topic for topic in found}.values())
 
@@ -93,10 +99,23 @@ def topic_of(reader: Reader, channel: int) -> Topic:
     return Topic(
         known.topic,
         schema.name if schema is not None else "",
-        schema.data.decode(errors="replace") if schema is not None else "",
-        known.metadata.get("topic_type_hash", ""),
-        yaml.safe_load(known.metadata.get("offered_qos_profiles", "")) or [],
+        schema.data.decode(errors="surrogateescape") if schema is not None else "",
+        known.metadata,
+        schema.encoding if schema is not None else "",
+        known.message_encoding,
     )
+
+
+def _decoder_of(reader: Reader) -> Callable[[Message], Entry]:
+    """`entry_of` whose errors name the file."""
+
+    def decoded(message: Message) -> Entry:
+        try:
+            return entry_of(message)
+        except BagError as error:
+            raise BagError(f"{reader.path}: {error}") from None
+
+    return decoded
 
 
 def _reader(path: Path, scratch: Path) -> Reader:
@@ -104,11 +123,24 @@ def _reader(path: Path, scratch: Path) -> Reader:
     if path.suffix != ".zstd":
         return ForeignReader(path) if path.is_dir() or path.suffix in SUFFIXES else McapReader(path)
     whole = scratch / path.stem
+    damage = ""
     try:
-        with path.open("rb") as packed, whole.open("wb") as unpacked:
+        packed = path.open("rb")
+    except OSError as error:
+        raise BagError(f"cannot read '{path}': {error.strerror}") from None
+    try:
+        with packed, whole.open("wb") as unpacked:
             zstandard.ZstdDecompressor().copy_stream(packed, unpacked)
-    except (OSError, zstandard.ZstdError) as error:
-        raise BagError(f"cannot read '{path}': {getattr(error, 'strerror', None) or error}") from None
-    found = _reader(whole, scratch)
+    except zstandard.ZstdError as error:  # what is before it is read
+        damage = f" ({error})"
+    except OSError as error:
+        place = f"cannot unpack '{path}' into '{scratch.parent}'"
+        raise BagError(f"{place}: {error.strerror}; TMPDIR names another folder") from None
+    try:
+        found = _reader(whole, scratch)
+    except BagError as error:
+        raise BagError(f"{str(error).replace(str(whole), str(path))}{damage}") from None
     found.path = path
+    if isinstance(found, McapReader):
+        whole.unlink()  # it is mapped: so nothing of it stays if the process is killed
     return found

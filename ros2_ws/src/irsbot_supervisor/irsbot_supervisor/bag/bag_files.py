@@ -25,7 +25,7 @@ def is_bag(path: Path) -> bool:
 
 def files_of(source: Path) -> list[Path]:
     """The files of a bag in the order of recording; the folder itself if its messages are compressed one by one. Raises
-    BagError for a folder without files of a bag."""
+    BagError for a folder without files of a bag, and for one with those of several bags."""
     if not source.is_dir():
         return [source]
     try:
@@ -35,9 +35,14 @@ def files_of(source: Path) -> list[Path]:
         paths = [source / PurePath(name).name for name in stated["relative_file_paths"]]
     except (OSError, yaml.YAMLError, KeyError, TypeError, AttributeError, UnicodeDecodeError):
         paths = []  # a recorder that was killed left none
-    if found := paths or sorted(filter(is_part, source.iterdir()), key=lambda file: (_numbered(file)[1], file.name)):
-        return found
-    raise BagError(f"'{source}' is no bag: it holds no .mcap or .db3 file")
+    if paths:
+        return paths
+    found = sorted(filter(is_part, source.iterdir()), key=lambda file: (_numbered(file)[1], file.name))
+    if not found:
+        raise BagError(f"'{source}' is no bag: it holds no .mcap or .db3 file")
+    if not are_one_bag(found):
+        raise BagError(f"'{source}' holds several bags; name one of them: {', '.join(file.name for file in found)}")
+    return found
 
 
 def is_part(file: Path) -> bool:

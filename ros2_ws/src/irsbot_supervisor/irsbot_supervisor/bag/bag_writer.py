@@ -56,28 +56,29 @@ class BagWriter:
         self.file = McapWriter(target, compression)
         self.write = self.file.write
         self.flush = self.file.flush
-        self._channels: dict[str, int] = {}
-        self._topics: list[Topic] = []
-        self._schemas: dict[str, int] = {}
+        self._channels: dict[tuple[str, ...], int] = {}  # by name, type, definition and encodings
+        self._added: dict[str, int] = {}  # channels of `add`, by name
+        self._topics: list[tuple[Topic, int]] = []  # with their channels
+        self._schemas: dict[tuple[str, ...], int] = {("", "", ""): 0}  # 0: a channel without a schema
 
     def channel(self, topic: Topic) -> int:
-        """The channel of a topic, for `write`."""
-        if topic.name not in self._channels:
-            if topic.type not in self._schemas:
-                self._schemas[topic.type] = self.file.add_schema(topic.type, topic.text)
-            offered = yaml.safe_dump(topic.offered, sort_keys=False)
-            known = {"offered_qos_profiles": offered, "topic_type_hash": topic.type_hash}
-            self._channels[topic.name] = self.file.add_channel(topic.name, self._schemas[topic.type], known)
-            self._topics.append(topic)
-        return self._channels[topic.name]
+        """The channel of a topic, for `write`. Topics of one name with other types or encodings have their own."""
+        schema = (topic.type, topic.text, topic.text_encoding)
+        key = (topic.name, topic.encoding, *schema)
+        if key not in self._channels:
+            if schema not in self._schemas:
+                self._schemas[schema] = self.file.add_schema(*schema)
+            channel = self.file.add_channel(topic.name, self._schemas[schema], topic.metadata, topic.encoding)
+            self._channels[key] = channel
+            self._topics.append((topic, channel))
+        return self._channels[key]
 
     def add(self, topic: str, record: Record, log_ns: int) -> None:
         """Write one record that was received at log_ns (ROS clock)."""
         kind, encode = ENCODERS[type(record)]
-        channel = self._channels.get(topic)
-        if channel is None:
-            channel = self.channel(installed_topic(topic, kind, latched=kind in LATCHED))
-        self.write(channel, log_ns, log_ns, encode(record))
+        if topic not in self._added:
+            self._added[topic] = self.channel(installed_topic(topic, kind, latched=kind in LATCHED))
+        self.write(self._added[topic], log_ns, log_ns, encode(record))
 
     def add_configuration(self, values: Mapping[str, Any], config_hash: str, log_ns: int) -> None:
         """Store the supervisor's configuration in the file, with the hash that its verdicts carry."""
@@ -102,7 +103,11 @@ class BagWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.close()
+        """Finish the bag; after an error leave it without its end, so that it does not look complete."""
+        if kind is None:
+            self.close()
+        else:
+            self.file.abandon()
 
     def _information(self) -> dict[str, Any]:
         """The content of metadata.yaml, version 9 as ROS 2 Jazzy writes it."""
@@ -115,13 +120,13 @@ class BagWriter:
                     "topic_metadata": {
                         "name": topic.name,
                         "type": topic.type,
-                        "serialization_format": "cdr",
+                        "serialization_format": topic.encoding,
                         "offered_qos_profiles": topic.offered,
                         "type_description_hash": topic.type_hash,
                     },
-                    "message_count": self.file.counts.get(self._channels[topic.name], 0),
+                    "message_count": self.file.counts.get(channel, 0),
                 }
-                for topic in self._topics
+                for topic, channel in self._topics
             ],
             "compression_format": "",
             "compression_mode": "",

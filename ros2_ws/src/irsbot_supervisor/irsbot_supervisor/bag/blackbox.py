@@ -19,11 +19,16 @@ class Kept(NamedTuple):
     data: bytes
 
 
+RECORD_BYTES = 200
+"""Memory of a `Kept` besides its data: the tuple, two times, the head of the data and the place in the queue."""
+
+
 class BlackBox:
-    """Keeps messages until a stop asks for them; bounded in time and in bytes."""
+    """Keeps messages until a stop asks for them; bounded in time and in memory."""
 
     def __init__(self, keep_ns: int, after_ns: int, keep_bytes: int) -> None:
-        """keep_ns: time to keep before a stop; after_ns: time to write after it; keep_bytes: most bytes kept."""
+        """keep_ns: time to keep before a stop; after_ns: time to write after it; keep_bytes: most memory of the kept
+        messages."""
         self.overflowed = 0  # messages younger than keep_ns that had to go
         self._keep_ns, self._after_ns, self._keep_bytes = keep_ns, after_ns, keep_bytes
         self._held: deque[Kept] = deque()
@@ -36,11 +41,11 @@ class BlackBox:
             return [message]
         self._open_until_ns = None
         self._held.append(message)
-        self._bytes += len(message.data)
+        self._bytes += RECORD_BYTES + len(message.data)
         oldest_ns = message.log_ns - self._keep_ns
         while self._held and (self._held[0].log_ns < oldest_ns or self._bytes > self._keep_bytes):
             gone = self._held.popleft()
-            self._bytes -= len(gone.data)
+            self._bytes -= RECORD_BYTES + len(gone.data)
             self.overflowed += gone.log_ns >= oldest_ns
         return []
 

@@ -62,11 +62,15 @@ def _gathered(decoder: ColumnDecoder, block: bytes, places: list[Place]) -> Join
     if len(places) < SHORTEST or len(sizes) > 1:
         return None
     raw = np.frombuffer(b"".join([block[start:end] for *_, start, end in places]), np.uint8)
-    return _decoded(decoder, raw.reshape(len(places), -1), np.array([place[2] for place in places], np.int64))
+    return _decoded(
+        decoder, raw.reshape(len(places), -1), np.array([place[2] for place in places], np.uint64).astype(np.int64)
+    )
 
 
 def _decoded(decoder: ColumnDecoder, raw: NDArray[np.uint8], log_ns: Times) -> JointColumns | None:
     """None if the messages have to be read one by one, which also says what is wrong with them."""
+    if log_ns.min(initial=0) < 0:
+        return None
     try:
         return decoder.decode(raw, log_ns)
     except CdrError:

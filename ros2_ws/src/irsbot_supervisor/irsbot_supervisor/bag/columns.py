@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import polars as pl
@@ -21,8 +22,16 @@ LARGEST = 1e10
 """rad, m, s and similar: a larger number is an error of units; seconds since the epoch are far below it."""
 
 
-def read_joint_columns(path: Path, names: list[str], topic: str | None = None) -> tuple[Array, Array | None]:
-    """Joint positions (N, n) in the order of `names`, and times (N,) in s if the source has them.
+class JointTable(NamedTuple):
+    """Joint positions over time. damage: what a bag has lost; empty if it is whole, and for a CSV table."""
+
+    positions: Array  # (N, n)
+    times: Array | None  # (N,) s; None: the source has none
+    damage: str
+
+
+def read_joint_columns(path: Path, names: list[str], topic: str | None = None) -> JointTable:
+    """Joint positions in the order of `names`, with their times.
 
     topic: of the joint states, in a bag with several. Raises BadInput for a file without these columns, without rows,
     or with cells that are not numbers, and BagError for a bag that cannot be read.
@@ -33,15 +42,18 @@ def read_joint_columns(path: Path, names: list[str], topic: str | None = None) -
     if missing := [name for name in names if name not in frame.columns]:
         raise BadInput(f"{path}: no column '{missing[0]}'; it has {', '.join(frame.columns)}")
     times = _numbers(path, frame, ["time_s"])[:, 0] if "time_s" in frame.columns else None
-    return _numbers(path, frame, names), times
+    return JointTable(_numbers(path, frame, names), times, "")
 
 
 def read_motion(path: Path, names: list[str]) -> tuple[Array, Array, Array]:
-    """Times (N,) in s, positions (N, n), and velocities (N, n) or (0, n), from a CSV table.
+    """Times (N,) in s, positions (N, n), and velocities (N, n) or (0, n), from a CSV table or a bag; of a bag, (0, n).
 
-    Raises BadInput, also for times that do not increase and for values that are not finite.
+    Raises BadInput, also for times that do not increase, for values that are not finite, for velocities of a part of
+    the joints, and for a damaged bag, whose motion is not known as a whole; BagError for a bag that cannot be read.
     """
-    positions, times = read_joint_columns(path, names)
+    positions, times, damage = read_joint_columns(path, names)
+    if damage:
+        raise BadInput(f"{path}: the bag is damaged, a part of its motion is not known: {damage}")
     if times is None:
         raise BadInput(f"{path}: no column 'time_s'")
     _finite(path, ["time_s"], times[:, np.newaxis])
@@ -51,14 +63,14 @@ def read_motion(path: Path, names: list[str]) -> tuple[Array, Array, Array]:
         raise BadInput(f"{path}: {_cell(row, 'time_s')} {fault}")
     rates = [f"{name}_velocity" for name in names]
     velocities: Array = np.empty((0, len(names)))
-    if has_columns(path, rates[:1]):
-        velocities = _finite(path, rates, read_joint_columns(path, rates)[0])
+    if any(has_columns(path, [rate]) for rate in rates):
+        velocities = _finite(path, rates, read_joint_columns(path, rates).positions)
     return times, _finite(path, names, positions), velocities
 
 
 def has_columns(path: Path, names: list[str]) -> bool:
-    """True if a CSV table has columns with these names. Raises BadInput for a file that is not a table."""
-    return path.suffix == ".csv" and set(names) <= set(_table(path, 1).columns)
+    """True if a CSV table has columns with these names, False for a bag. Raises BadInput for a file that is neither."""
+    return not is_bag(path) and set(names) <= set(column_names(path))
 
 
 def column_names(path: Path) -> list[str]:
@@ -74,7 +86,7 @@ def _table(path: Path, rows: int | None = None) -> pl.DataFrame:
         for sign in (";", "\t"):
             if sign in header and "," not in header:
                 raise BadInput(f"{path}: columns are separated by {sign!r}, must be by ','")
-        return pl.read_csv(path, n_rows=rows, infer_schema=False)
+        return pl.read_csv(path, n_rows=rows, infer_schema=False, glob=False)
     except OSError as error:
         raise BadInput(f"{path}: {error.strerror or 'cannot be read'}") from None
     except (pl.exceptions.PolarsError, UnicodeDecodeError) as error:
@@ -109,7 +121,7 @@ def _cell(row: int, column: str) -> str:
     return f"row {row + 1} below the header, column '{column}'"
 
 
-def _from_bag(path: Path, names: list[str], wanted: str | None) -> tuple[Array, Array]:
+def _from_bag(path: Path, names: list[str], wanted: str | None) -> JointTable:
     samples: dict[str, JointSamples] = defaultdict(JointSamples)
     with Bag(path) as opened:
         for entry in opened.columns():
@@ -117,6 +129,7 @@ def _from_bag(path: Path, names: list[str], wanted: str | None) -> tuple[Array, 
                 samples[entry.topic].append(entry.joints)
             elif isinstance(entry.record, JointSample):
                 samples[entry.topic].extend([entry.record])
+        damage = str(opened.loss) if opened.loss else ""
     rows, times = [], []
     others: set[str] = set()
     chosen = samples[choose_joint_topic(path, samples, wanted)]
@@ -130,4 +143,4 @@ def _from_bag(path: Path, names: list[str], wanted: str | None) -> tuple[Array, 
             times.append(columns.stamp_ns * 1e-9)
     if not rows:
         raise BadInput(f"{path}: no joint states with {', '.join(names)}; it has {', '.join(sorted(others)) or 'none'}")
-    return np.concatenate(rows), np.concatenate(times)
+    return JointTable(np.concatenate(rows), np.concatenate(times), damage)

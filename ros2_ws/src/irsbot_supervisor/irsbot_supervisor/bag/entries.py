@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import zstandard
+
 from irsbot_msgs_py import cdr
 from irsbot_msgs_py.errors import CdrError
 from irsbot_msgs_py.records import JointSample, SingularityState, Verdict
@@ -34,6 +36,10 @@ DECODERS: dict[str, Any] = {
 """Decoder of a `Message` by its type; types that are not here are skipped."""
 
 
+_ZSTD = bytes.fromhex("28b52ffd")
+"""Begin of compressed data."""
+
+
 class Entry(NamedTuple):
     """One record of a bag. log_ns: time of reception by the recorder, ROS clock."""
 
@@ -43,9 +49,14 @@ class Entry(NamedTuple):
 
 
 def entry_of(message: Message) -> Entry:
-    """The record of a message whose type is in `DECODERS`. Both receive times of a joint sample are its log time.
-    Raises BagError if the bytes are not of that type."""
+    """The record of a message whose type is in `DECODERS`. Both receive times of a joint sample are its log time. Data
+    that were compressed one by one are unpacked: without metadata.yaml the bag does not say it.
+    Raises BagError if the bytes are not of that type, and for a log time that has no sign to spare."""
+    if not 0 <= message.log_ns < 2**63:
+        raise BagError(f"{message.topic}: a log time is {message.log_ns % 2**64} ns, must be below 2**63 ns")
     try:
+        if message.data.startswith(_ZSTD):  # CDR begins with another number
+            message = message._replace(data=zstandard.decompress(message.data))
         return Entry(message.topic, message.log_ns, DECODERS[message.type](message))
-    except CdrError as error:
+    except (CdrError, zstandard.ZstdError) as error:
         raise BagError(f"{message.topic} at {message.log_ns} ns: {error}") from None

@@ -52,19 +52,37 @@ def read_entry(line: str) -> Entry:
     """The entry of a line. Raises JournalError."""
     try:
         stated = json.loads(line)
-        kind = stated.pop("kind")
+        kind = stated["kind"]
+        times = _whole(stated["received_ns"]), _whole(stated["seen_ns"])
         if kind == "configure":
-            return Configuration(**stated)
+            return Configuration(*times, _mapping(stated["values"]), _mapping(stated["machine"]))
         if kind == "restart":
-            return Restart(*(int(stated[name]) for name in Restart._fields))
+            return Restart(*times, _whole(stated["event"]))
         if kind == "late_brakes":
-            return LateBrakes(*(int(stated[name]) for name in LateBrakes._fields))
+            return LateBrakes(*times, _whole(stated["brakes_ns"]))
         if kind == "reset":
-            return Reset(**{**stated, "seed_pose": tuple(stated["seed_pose"])})
+            seed = tuple(float(value) for value in stated["seed_pose"])
+            return Reset(*times, _whole(stated["event"]), str(stated["text"]), seed)
         if kind == "bypass":
-            received_ns, seen_ns, event, cause = (int(stated[k]) for k in ("received_ns", "seen_ns", "event", "cause"))
             words = str(stated["operator"]), str(stated["reason"])
-            return Bypass(received_ns, seen_ns, event, cause, float(stated["duration_s"]), *words)
-        raise JournalError(f"not a journal entry: kind '{kind}'")
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise JournalError(f"not a journal entry: {line[:80]!r} ({error})") from None
+            event, cause, duration_s = _whole(stated["event"]), _whole(stated["cause"]), float(stated["duration_s"])
+            return Bypass(*times, event, cause, duration_s, *words)
+        raise ValueError(f"kind '{kind}'")
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
+        raise JournalError(f"not a journal entry: {line[:80]!r} ({type(error).__name__} {error})") from None
+
+
+def _whole(stated: Any) -> int:
+    """A time or a count. Raises TypeError, ValueError."""
+    if not isinstance(stated, int):
+        raise TypeError(f"{stated!r} is no whole number")
+    if abs(stated) >= 2**63:
+        raise ValueError(f"{stated} needs more than 64 bits")
+    return stated
+
+
+def _mapping(stated: Any) -> dict[str, Any]:
+    """Raises TypeError."""
+    if not isinstance(stated, dict):
+        raise TypeError(f"{stated!r:.40} is no mapping")
+    return stated

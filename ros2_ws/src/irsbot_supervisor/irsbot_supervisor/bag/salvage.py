@@ -21,9 +21,10 @@ class Salvaged(NamedTuple):
 
 
 def salvage(source: Path, target: Path, compression: str = "") -> Salvaged:
-    """Write all readable messages of `source` to a new bag, with their topics and sequence numbers.
+    """Write all readable messages of `source` to a new bag, with their topics, encodings and sequence numbers.
 
-    target: a new directory, or a file with the suffix .mcap. Raises BagError if nothing can be read or written.
+    target: a new directory, or a file with the suffix .mcap; after an error or an interruption its end is missing, as
+    if its recorder had been killed. Raises BagError if nothing can be read or written.
     """
     with Bag(source) as damaged:
         readers = [reader for reader in damaged.readers if isinstance(reader, McapReader)]
@@ -41,8 +42,8 @@ def _salvage(damaged: Bag, readers: list[McapReader], target: Path, compression:
                 whole.file.attach(kept.name, kept.media_type, kept.data, kept.log_time)
             for stated in reader.metadata:
                 whole.file.add_metadata(stated.name, stated.metadata)
-        for topic in damaged.topics():
-            whole.channel(topic)
+            for channel in reader.channels:
+                whole.channel(topic_of(reader, channel))
         for reader in readers:
             _copy(reader, whole)
         return Salvaged(whole.file.message_count, damaged.loss)

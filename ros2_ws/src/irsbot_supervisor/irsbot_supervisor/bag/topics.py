@@ -6,6 +6,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import yaml
+
 from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.bag.message_definitions import definition, type_hash
 
@@ -14,21 +16,43 @@ STATE = "irsbot_msgs/msg/SingularityState"
 VERDICT = "irsbot_msgs/msg/Verdict"
 STRING = "std_msgs/msg/String"
 
+_OFFERED, _HASH = "offered_qos_profiles", "topic_type_hash"  # keys of a channel's metadata
+
 
 class Topic(NamedTuple):
-    """One topic of a bag. type: such as std_msgs/msg/String."""
+    """One topic of a bag, as its channel and its schema describe it.
+
+    type: such as std_msgs/msg/String; empty without a schema. text: definition of the type in the format
+    `text_encoding`; bytes that are not UTF-8 are kept as surrogates. encoding: of the messages.
+    """
 
     name: str
     type: str
-    text: str  # definition in the format `ros2msg`
-    type_hash: str
-    offered: list[dict[str, Any]]  # quality of service of the publishers
+    text: str
+    metadata: dict[str, str]
+    text_encoding: str = "ros2msg"
+    encoding: str = "cdr"
+
+    @property
+    def type_hash(self) -> str:
+        """Hash that ROS 2 gives the type; empty if it is not known."""
+        return self.metadata.get(_HASH, "")
+
+    @property
+    def offered(self) -> list[Any]:
+        """Quality of service of the publishers; empty if the bag does not say it, or not as rosbag2 does."""
+        try:
+            found = yaml.safe_load(self.metadata.get(_OFFERED, ""))
+        except yaml.YAMLError:
+            return []
+        return found if isinstance(found, list) else []
 
 
 def installed_topic(name: str, type_name: str, latched: bool = False) -> Topic:
     """A topic of an installed message type. latched: True if it is offered transient local. Raises BagError if the
     definition of the type is not installed."""
-    return Topic(name, type_name, definition(type_name), type_hash(type_name), [_offered(latched)])
+    offered = yaml.safe_dump([_offered(latched)], sort_keys=False)
+    return Topic(name, type_name, definition(type_name), {_OFFERED: offered, _HASH: type_hash(type_name)})
 
 
 def choose_joint_topic(bag: Path, topics: Iterable[str], wanted: str | None = None) -> str:
@@ -46,7 +70,7 @@ def choose_joint_topic(bag: Path, topics: Iterable[str], wanted: str | None = No
         found = [name for name in found if is_named(name, "joint_states")] or found
     if len(found) != 1:
         fault = f"no topic {wanted} of joint states" if not found else "several topics of joint states"
-        raise BagError(f"{bag}: {fault}; choose one with --topic: {', '.join(known)}")
+        raise BagError(f"{bag}: {fault}; choose one (`--topic`, `topic=`): {', '.join(known)}")
     return found[0]
 
 

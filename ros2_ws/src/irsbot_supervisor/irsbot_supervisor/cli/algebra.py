@@ -71,7 +71,7 @@ def singular(
     Example: irsbot algebra singular orthoglide --space pose --box x=-2:2 --box y=-2:6 --box z=-2:6 --plot surface.html
     """
     target = picture_named(plot, page=True) if plot else None
-    system = system_of(name, set_)
+    system, ranges = system_of(name, set_), boxes_in(box)
     found = al.project(system, kind, space, fixed_in(fix))
     rows: list[dict[str, Any]] = [
         {"polynomial": str(p), "degree": p.degree, "degrees": p.degrees, "terms": p.terms, "height_bits": p.height_bits}
@@ -95,7 +95,7 @@ def singular(
         if not rows:
             out.print(f"{system.name}: no {kind} singularity projects to a hypersurface")
     if target:
-        draw_singular(system, found, boxes_in(box), fixed_in(fix), target, f"{system.name}: {kind} singularities")
+        draw_singular(system, found, ranges, fixed_in(fix), target, f"{system.name}: {kind} singularities")
         out.print(f"written to {plot}") if not as_json else None
 
 

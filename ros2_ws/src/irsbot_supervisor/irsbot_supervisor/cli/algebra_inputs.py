@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -36,7 +37,7 @@ def system_of(name: str, lengths: list[str] | None) -> al.System:
     if path.suffix in (".yaml", ".yml"):
         try:
             text = yaml.safe_load(path.read_text(encoding="utf-8"))
-        except yaml.YAMLError as error:
+        except (yaml.YAMLError, UnicodeDecodeError) as error:
             raise BadInput(f"{name} is no YAML: {str(error).splitlines()[0]}") from None
         if isinstance(text, dict) and "equations" in text:
             return _equations(name, text, stated)
@@ -92,6 +93,10 @@ def boxes_in(stated: list[str] | None) -> dict[str, tuple[str, str]]:
         low, colon, high = value.partition(":")
         if not colon:
             raise BadInput(f"--box must look like rho2=0.1:45, got '{name}={value}'")
+        try:
+            Fraction(low), Fraction(high)
+        except (ValueError, ZeroDivisionError):
+            raise BadInput(f"each end of --box must be a number, as in rho2=0.1:45, got '{name}={value}'") from None
         found[name] = (low, high)
     return found
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NoReturn
@@ -107,6 +108,14 @@ def without_shared_folder(paths: Sequence[str]) -> tuple[str, list[str]]:
 def print_json(value: Any) -> None:
     """JSON on stdout; NaN and infinite numbers become null, because JSON does not have them."""
     out.print(json.dumps(plain(value), indent=2, allow_nan=False))
+
+
+def namespace_from(text: str) -> str:
+    """A ROS namespace without leading and trailing slash. Raises BadInput."""
+    place = text.strip("/")
+    if place and not re.fullmatch(r"[A-Za-z_]\w*(/[A-Za-z_]\w*)*", place, re.ASCII):
+        raise BadInput(f"the namespace must be names of letters, digits and _ with / between them, got '{text}'")
+    return place
 
 
 def existing(path: Path, what: str) -> Path:

@@ -9,7 +9,7 @@ import typer
 from rich.live import Live
 
 from irsbot_msgs_py.records import cause_names
-from irsbot_supervisor.cli.common import Failed, out, print_json, refuse
+from irsbot_supervisor.cli.common import Failed, namespace_from, out, print_json, refuse
 from irsbot_supervisor.cli.operate import AsJson, Domain, Namespace, Patience
 from irsbot_supervisor.cli.tables.monitor import screen
 from irsbot_supervisor.cli.web import (
@@ -55,6 +55,7 @@ def monitor(
 
     Example: irsbot monitor --namespace left.
     """
+    place = namespace_from(namespace)
     served = "--web" if web else "--foxglove"
     if (web or foxglove) and (once or as_json):
         refuse(f"{served} goes on until Ctrl-C: leave out --once and --json")
@@ -67,7 +68,7 @@ def monitor(
         from irsbot_supervisor.live import foxglove as relay
         from irsbot_supervisor.processes.polling import Polling
 
-        with Polling(domain, namespace.strip("/"), "foxglove") as node:
+        with Polling(domain, place, "foxglove") as node:
             relay.run(
                 node, foxglove_host, foxglove_port, lambda address: out.print(f"Foxglove: {address}   Ctrl-C ends it")
             )
@@ -78,7 +79,7 @@ def monitor(
         from irsbot_supervisor.live.server import run, stand_back
 
         stand_back()
-    with Monitor(domain, namespace.strip("/")) as listener:
+    with Monitor(domain, place) as listener:
         if web:
             run(listener, web_host, web_port, lambda address: out.print(f"live page: {address}   Ctrl-C ends it"))
             return

@@ -12,7 +12,7 @@ import typer
 
 from irsbot_kinematics import BadInput
 from irsbot_msgs_py.records import Level, Verdict, cause_names
-from irsbot_supervisor.cli.common import NUMBERS, Failed, existing, numbers, out, print_json
+from irsbot_supervisor.cli.common import NUMBERS, Failed, existing, namespace_from, numbers, out, print_json
 from irsbot_supervisor.core.settings import Settings
 
 if TYPE_CHECKING:
@@ -184,9 +184,10 @@ def trajectory(
 
 
 def _operator(domain: int, namespace: str, wait: float) -> Operator:
+    place = namespace_from(namespace)
     from irsbot_supervisor.processes.operating import Operator  # needs ROS, which the other commands do not
 
-    return Operator(domain, namespace.strip("/"), wait)
+    return Operator(domain, place, wait)
 
 
 def _asked(question: Any) -> Any:

@@ -101,14 +101,15 @@ def replay(
     else:
         _tell(alone, as_json)
         if write_expect is not None:
-            _write_draft(alone, write_expect, namespace)
+            _write_draft(alone, write_expect, namespace, topic)
         if broken := [check for check in alone.checks if check.faults]:
             raise Failed(f"{broken[0].name}: {len(broken[0].faults)} difference(s), the first: {broken[0].faults[0]}")
 
 
-def _write_draft(found: BagJudgement, target: Path, namespace: str | None) -> None:
-    whose = namespace or (found.expectation.namespace if found.expectation else None)
-    write_draft(found.recording, found.judged, target, found.assumption, whose)
+def _write_draft(found: BagJudgement, target: Path, namespace: str | None, topic: str | None) -> None:
+    if found.expectation is not None:
+        namespace, topic = namespace or found.expectation.namespace, topic or found.expectation.topic
+    write_draft(found.recording, found.judged, target, found.assumption, namespace, topic)
     err.print(f'draft written to {target}: it counts when a person has read it and deleted its line "draft"')
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import re
 from dataclasses import fields
 from datetime import datetime
 from pathlib import Path
@@ -13,7 +12,7 @@ import typer
 
 from irsbot_msgs_py.process.priority import PARAMETER
 from irsbot_msgs_py.process.usage import USAGE
-from irsbot_supervisor.cli.common import Failed, err, existing, out, refuse
+from irsbot_supervisor.cli.common import Failed, err, existing, namespace_from, out, refuse
 from irsbot_supervisor.cli.run_folder import BAG, LISTENERS, LOGS, end_in_order_when_told_to, prepare
 from irsbot_supervisor.cli.web import (
     FOXGLOVE_PORT,
@@ -48,9 +47,6 @@ from irsbot_supervisor.sim.simulation import STANDING, Simulation
 
 DDS_DOMAINS = range(233)
 """Numbers of the DDS domains that have ports (DDSI-RTPS 9.6.1)."""
-
-NAMESPACE = r"[A-Za-z_]\w*(/[A-Za-z_]\w*)*"
-"""Pattern of a ROS namespace without leading and trailing slash."""
 
 
 def up(
@@ -87,9 +83,7 @@ def up(
     """
     if domain not in DDS_DOMAINS:
         refuse(f"the DDS domain must be in {DDS_DOMAINS[0]}..{DDS_DOMAINS[-1]}, got {domain}")
-    place = namespace.strip("/")
-    if place and not re.fullmatch(NAMESPACE, place):
-        refuse(f"the namespace must be names of letters, digits and _ with / between them, got '{namespace}'")
+    place = namespace_from(namespace)
     above, told = f"/{place}" if place else "", dict[str, dict[str, Any]]()
     if params is not None:
         known = _parameters(above)

@@ -46,5 +46,7 @@ def _need_address(what: str, host: str, port: int, option: str) -> None:
             with socket.socket(family, kind, protocol) as probe:
                 probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the server does
                 probe.bind(address)
+    except UnicodeError:
+        raise BadInput(f"no {what} at {host}:{port}: '{host}' is no name of a machine") from None
     except OSError as error:
         raise BadInput(f"no {what} at {host}:{port}: {error.strerror}; {option} gives another port") from None

@@ -6,6 +6,7 @@ A job whose process ends is given to another one. Nothing here knows what a job 
 from __future__ import annotations
 
 import asyncio
+import concurrent.futures
 import logging
 import os
 from collections import deque
@@ -34,6 +35,9 @@ ANSWER_S = 10.0
 
 LONELY = 3
 """Waits of ANSWER_S for a result, one after another and all without a worker, after which a run is given up."""
+
+TIMEOUTS = (TimeoutError, asyncio.TimeoutError, concurrent.futures.TimeoutError)
+"""Which are one from Python 3.11 on."""
 
 START_S = 60.0
 """s until the processes of this machine must have started."""
@@ -156,7 +160,7 @@ class Workers:
                 with self._client.as_current():  # there may be others
                     wait(list(futures), timeout=ANSWER_S, return_when="FIRST_COMPLETED")  # raises CancelledError
                 return
-            except (TimeoutError, asyncio.TimeoutError):  # which are one from Python 3.11 on
+            except TIMEOUTS:
                 lonely = 0 if self._threads() else lonely + 1
         raise BadInput(f"the scheduler {self._address} has no workers any more; start some, and run the command again")
 
@@ -334,7 +338,7 @@ def _event_loop() -> Iterator[IOLoop]:
     thread.start()
     try:
         loop, end = running.result(START_S)
-    except TimeoutError:
+    except TIMEOUTS:
         running.cancel()
         raise BadInput(f"this machine is too busy: a thread did not start within {START_S:g} s") from None
     try:
@@ -357,7 +361,7 @@ def _client_of(address: str) -> Iterator[Client]:
         reason = "must be like tcp://host:8786" if isinstance(error, ValueError) else "'dask scheduler' starts one"
         raise BadInput(f"no Dask scheduler answers at {address}; {reason}") from None
     try:
-        with suppress(TimeoutError):
+        with suppress(*TIMEOUTS):
             client.wait_for_workers(1, timeout=ANSWER_S)
         if not client.scheduler_info()["workers"]:
             raise BadInput(f"the scheduler {address} has no workers; 'dask worker {address}' starts one")

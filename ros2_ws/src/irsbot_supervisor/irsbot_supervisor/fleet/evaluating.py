@@ -89,7 +89,7 @@ def evaluated_columns(job: InputJob) -> tuple[InputRow, dict[str, Any]]:
     asked = job.question
     machine = robot_of(asked.robot)
     names = [joint.name for joint in machine.mechanism.joints]
-    joints, times = read_joint_columns(Path(job.path), names, asked.topic)
+    joints, times, damage = read_joint_columns(Path(job.path), names, asked.topic)
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always", LabelsVary)
         found = machine.evaluate_many(joints, asked.assembly, force=asked.load, moment=asked.moment)
@@ -108,7 +108,7 @@ def evaluated_columns(job: InputJob) -> tuple[InputRow, dict[str, Any]]:
         assembled=int(np.count_nonzero(found.status == 0)),
         type2=_smallest(found.type2_margin),
         constraint=_smallest(found.constraint_margin),
-        warnings=tuple(str(one.message) for one in warned),
+        warnings=(*([f"the bag is damaged: {damage}"] if damage else []), *(str(one.message) for one in warned)),
     )
     return row, columns
 

@@ -6,7 +6,7 @@ The name of a file holds the key of what it was made from, so what is there is n
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 import yaml
@@ -35,8 +35,8 @@ def key_of(stated: str, files: Iterable[Path] = ()) -> str:
 
 
 def robot_files(robot: str) -> list[Path]:
-    """The files that decide what a robot is: none of a preset; else its file, the Python file of its mechanism, and all
-    Python files beside one of the two."""
+    """The files that decide what a robot is: none of a preset; else its file, the Python file of its mechanism, all
+    Python files beside one of the two, and the file of its tubes."""
     file = Path(robot)
     if not file.is_file():
         return []
@@ -44,9 +44,23 @@ def robot_files(robot: str) -> list[Path]:
         stated = yaml.safe_load(file.read_bytes())
     except yaml.YAMLError:
         stated = None  # it will be refused when it is read as a robot
-    mechanism = file_of(stated.get("mechanism"), file.parent) if isinstance(stated, dict) else None
-    folders = dict.fromkeys(place.parent for place in (file, mechanism) if place is not None)
-    return [file, *(module for folder in folders for module in sorted(folder.glob("*.py")))]
+    stated = stated if isinstance(stated, dict) else {}
+    mechanism = file_of(stated.get("mechanism"), file.parent)
+    modules = python_files([place for place in (file, mechanism) if place is not None])
+    return [file, *modules, *tubes_files(stated.get("supervision"))]
+
+
+def python_files(beside: Iterable[Path]) -> list[Path]:
+    """All Python files in the folders of some files."""
+    folders = dict.fromkeys(file.parent for file in beside)
+    return [module for folder in folders for module in sorted(folder.glob("*.py"))]
+
+
+def tubes_files(settings: object) -> list[Path]:
+    """The file of the elastic design that settings, by name, state; none of a preset."""
+    stated = settings.get("tubes") if isinstance(settings, Mapping) else None
+    file = Path(stated) if isinstance(stated, str) else Path()
+    return [file] if file.is_file() else []
 
 
 class ResultFolder:

@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from irsbot_supervisor.fleet.folder import key_of, robot_files
+from irsbot_kinematics import BadInput
+from irsbot_supervisor.bag.errors import BagError
+from irsbot_supervisor.configuration.loading import read_values
+from irsbot_supervisor.core.settings import InvalidSettings
+from irsbot_supervisor.fleet.folder import key_of, python_files, robot_files, tubes_files
+from irsbot_supervisor.replay.judgement import story_file, story_of
 
 SHOWN_FAULTS = 20
 """Differences per check that are kept in words; all are counted."""
@@ -164,12 +170,26 @@ def _files(bag: Path, options: Options) -> Iterator[Path]:
         yield from _regular(bag.iterdir())
     else:
         yield bag
-        yield from _regular([bag.with_name("expected.json")])
-    if options.mechanisms is None:
-        yield from _regular(bag.parent.glob("*.py"))
+        yield from filter(None, [story_file(bag)])
+    named = [bag] if options.mechanisms is None else [Path(name) for name in options.mechanisms]
+    yield from _regular([*python_files(named), *named])
     yield from robot_files(options.robot) if options.robot else []
-    named = [options.settings, *(options.mechanisms or ())]
-    yield from _regular(Path(name) for name in named if name)
+    with suppress(BagError, InvalidSettings, BadInput):  # a file that is refused where the bag is judged
+        yield from _of_settings(options)
+        yield from _of_expectation(bag)
+
+
+def _of_settings(options: Options) -> Iterator[Path]:
+    if options.settings:
+        yield from _regular([Path(options.settings)])
+        yield from tubes_files(read_values(Path(options.settings)))
+
+
+def _of_expectation(bag: Path) -> Iterator[Path]:
+    expectation = story_of(bag)
+    if expectation is not None and expectation.assumption is not None:
+        yield from robot_files(str(expectation.assumption.robot))
+        yield from tubes_files(expectation.assumption.settings)
 
 
 def _regular(files: Iterable[Path]) -> list[Path]:

@@ -16,21 +16,27 @@ def bags_in(places: Sequence[Path]) -> list[Path]:
     Raises BagError for a place that is not there, and for a folder without any bag.
     """
     found: dict[Path, Path] = {}
+    seen: set[Path] = set()
     for place in places:
         if not place.exists():
             raise BagError(f"the bag '{place}' does not exist")
-        here = _below(place) if place.is_dir() else [place]
-        if not here:
+        known = place.resolve() in seen
+        here = _below(place, seen) if place.is_dir() else [place]
+        if not (here or known):
             raise BagError(f"'{place}' is no bag and holds none: there is no .mcap, .db3 or .bag file in it")
         for bag in here:
             found.setdefault(bag.resolve(), bag)
     return [bag for place, bag in found.items() if bag.is_dir() or place.parent not in found]  # else a file of a bag
 
 
-def _below(folder: Path) -> list[Path]:
-    """The bag that a folder is, or the bags in it, and all bags below it."""
+def _below(folder: Path, seen: set[Path]) -> list[Path]:
+    """The bag that a folder is, or the bags in it, and all bags below it. seen: folders that were searched, which links
+    may lead to again."""
+    if (place := folder.resolve()) in seen:
+        return []
+    seen.add(place)
     entries = sorted(folder.iterdir())
     parts = [entry for entry in entries if entry.is_file() and is_part(entry)]
     one = folder / METADATA in entries or (parts and are_one_bag(parts))
     itself = [folder] if one else parts
-    return itself + [bag for entry in entries if entry.is_dir() for bag in _below(entry)]
+    return itself + [bag for entry in entries if entry.is_dir() for bag in _below(entry, seen)]

@@ -1,7 +1,7 @@
 """Serves the live page and feeds it.
 
-A page asks for the next few frames and each tells the newest, so that a slow one falls behind in no queue: what it
-shows was true after it had asked. What a page says is never read.
+A page requests a few frames at a time. Each frame has the newest state, so a slow page skips frames and never shows one
+that is older than its request. What a page says is never read.
 """
 
 from __future__ import annotations

@@ -109,8 +109,8 @@ class Operator:
 
     def send_escape(self, seconds: float) -> list[tuple[float, ...]]:
         """Follow the escape direction from verdict to verdict through the command gate for this time, or until there is
-        none; wait while the state is UNKNOWN. The gate makes it slow. Returns the velocities that passed. Raises
-        NobodyThere."""
+        none. Ends at once if the first verdict has no direction; later it waits while the state is UNKNOWN. The gate
+        makes it slow. Returns the velocities that passed. Raises NobodyThere."""
         joints = len(self.verdict().escape_direction)
 
         def way() -> Sequence[float]:

@@ -89,27 +89,27 @@ def _level_faults(recording: Recording, judged: Judged, expected: Sequence[Expec
     wanted = _without_missing(expected, heard)
     faults = []
     if len(heard) != len(wanted):
-        names = (", ".join(entry.level.name for entry in entries) for entries in (wanted, heard))
-        faults.append("expected {}; found {}".format(*names))
-    for number, (want, have) in enumerate(zip(wanted, heard, strict=False), 1):
+        due, found = ", ".join(want.level.name for _, want in wanted), ", ".join(have.level.name for have in heard)
+        faults.append(f"expected {due}; found {found}")
+    for (number, want), have in zip(wanted, heard, strict=False):
         since_s, (low, high) = (have.since_ns - recording.begin_ns) / NS_PER_S, want.since_s
         if have.level != want.level:
-            faults.append(f"chapter {number} at {since_s:.3f} s is {have.level.name}, expected {want.level.name}")
+            faults.append(f"story[{number}] at {since_s:.3f} s is {have.level.name}, expected {want.level.name}")
         elif have.causes & want.causes != want.causes:
             causes = cause_names(want.causes)
-            faults.append(f"chapter {number} has {cause_names(have.causes)}, expected {causes} among them")
+            faults.append(f"story[{number}] has {cause_names(have.causes)}, expected {causes} among them")
         elif not low <= since_s <= high:
-            faults.append(f"chapter {number} ({have.level.name}) begins at {since_s:.3f} s, expected {low} to {high} s")
+            faults.append(f"story[{number}] ({have.level.name}) begins at {since_s:.3f} s, expected {low} to {high} s")
     return faults
 
 
-def _without_missing(expected: Sequence[Expected], heard: Sequence[LevelSpan]) -> list[Expected]:
-    """The expected levels without the optional ones that are missing."""
-    found: list[Expected] = []
-    for want in expected:
+def _without_missing(expected: Sequence[Expected], heard: Sequence[LevelSpan]) -> list[tuple[int, Expected]]:
+    """The expected levels with their numbers in the story, without the optional ones that are missing."""
+    found: list[tuple[int, Expected]] = []
+    for number, want in enumerate(expected):
         here = heard[len(found)].level if len(found) < len(heard) else None
         if not want.optional or want.level == here:
-            found.append(want)
+            found.append((number, want))
     return found
 
 

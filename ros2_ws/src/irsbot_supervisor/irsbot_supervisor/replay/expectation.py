@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Sequence
 from math import inf, nan
 from pathlib import Path
+from sys import float_info
 from typing import Any, NamedTuple
 
 from irsbot_msgs_py.records import Cause, Level, cause_names
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.bag.errors import BagError
-from irsbot_supervisor.bag.journal import Configuration
-from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.replay.judged import Interval, Judged
 from irsbot_supervisor.replay.recording import Recording
 from irsbot_supervisor.replay.rejudge import Assumption
@@ -56,6 +56,7 @@ class Expectation(NamedTuple):
     draft: bool
     assumption: Assumption | None = None  # the robot of a bag that does not say it
     namespace: str | None = None  # whose run it is, in a bag of several robots
+    topic: str | None = None  # of the joint states, in a bag with several topics of them
 
 
 class LevelSpan(NamedTuple):
@@ -89,7 +90,7 @@ def measures_of(recording: Recording, judged: Judged, expectation: Expectation |
     begun = next((k for k, entry in enumerate(expected) if entry.level < Level.STOP), len(expected))
     due = sum(entry.level >= Level.STOP for entry in expected[begun:])
     return {
-        "time_to_stop_s": _time_to_stop(recording, halts[0][0].since_ns) if halts else nan,
+        "time_to_stop_s": _time_to_stop(recording, judged, halts[0][0].since_ns) if halts else nan,
         "hold_share": sum(end - entry.since_ns for entry, end in halts) / lasting if lasting > 0 else nan,
         "time_to_resume_s": max([(end - halt.since_ns) / NS_PER_S for halt, end in _ended(spans)], default=nan),
         "false_stops": float(max(len(halts) - due, 0)),
@@ -109,14 +110,16 @@ def _ended(spans: list[tuple[LevelSpan, int]]) -> list[tuple[LevelSpan, int]]:
     return found
 
 
-def _time_to_stop(recording: Recording, since_ns: int) -> float:
-    """s until the joints first report that they stand, independent of the supervisor; infinite if never."""
-    values = next((entry.values for entry in recording.journal if isinstance(entry, Configuration)), {})
-    slow = float(values.get("standstill_speed", Settings.standstill_speed))
+def _time_to_stop(recording: Recording, judged: Judged, since_ns: int) -> float:
+    """s until the joints of the robot first report that they stand, independent of the supervisor; infinite if
+    never."""
+    settings = judged.settings[0][1]
     for sample in recording.samples:
         after_ns = sample.seen_ns - since_ns
-        if after_ns >= 0 and sample.velocity and all(abs(rate) <= slow for rate in sample.velocity):
-            return after_ns / NS_PER_S
+        if after_ns >= 0 and len(sample.velocity) == len(sample.names):
+            rates = dict(zip(sample.names, sample.velocity, strict=True))
+            if all(abs(rates.get(name, inf)) <= settings.standstill_speed for name in settings.joint_names):
+                return after_ns / NS_PER_S
     return inf
 
 
@@ -137,24 +140,33 @@ def read_expectation(path: Path) -> Expectation:
     except ValueError as error:
         raise BagError(f"{path}: not JSON: {error}") from None
     try:
-        return _expectation(stated)
+        return _expectation(stated, path.parent)
     except _Wrong as wrong:
         raise BagError(f"{path}: {wrong}") from None
 
 
 def write_draft(
-    recording: Recording, judged: Judged, path: Path, assumed: Assumption | None = None, namespace: str | None = None
+    recording: Recording,
+    judged: Judged,
+    path: Path,
+    assumed: Assumption | None = None,
+    namespace: str | None = None,
+    topic: str | None = None,
 ) -> None:
-    """Write a run as the draft of an expectation file, which a person has to read first. assumed, namespace: as given
-    to `judge_again` and `read_recording`; the file repeats them. Raises BagError if there is a file."""
+    """Write a run as the draft of an expectation file, which a person has to read first. assumed, namespace, topic: as
+    given to `judge_again` and `read_recording`; the file repeats them, the path of a robot relative to itself. Raises
+    BagError if there is a file."""
     heard = levels_of(judged.intervals)
     found = {name: value for name, value in measures_of(recording, judged).items() if abs(value) < inf}
     stops = found.pop("false_stops", 0.0)
     lines = [f'  "draft": {json.dumps(DRAFT)}']
-    if namespace is not None:
-        lines.append(f'  "namespace": {json.dumps(namespace)}')
+    for key, value in (("namespace", namespace), ("topic", topic)):
+        if value is not None:
+            lines.append(f'  "{key}": {json.dumps(value)}')
     if assumed is not None:
-        lines.append(f'  "robot": {json.dumps(assumed.robot)}')
+        named = str(assumed.robot)
+        robot = os.path.relpath(named, path.parent) if _is_file(named) else named
+        lines.append(f'  "robot": {json.dumps(robot)}')
     if assumed is not None and assumed.settings:
         lines.append(f'  "settings": {json.dumps(assumed.settings)}')
     lines += [
@@ -185,8 +197,8 @@ class _Wrong(Exception):
     """Not an expectation."""
 
 
-def _expectation(stated: Any) -> Expectation:
-    _known(stated, {"draft", "namespace", "robot", "settings", "story", *MEASURES}, "the file")
+def _expectation(stated: Any, folder: Path) -> Expectation:
+    _known(stated, {"draft", "namespace", "topic", "robot", "settings", "story", *MEASURES}, "the file")
     expectation = stated.get("story")
     if expectation is not None and not isinstance(expectation, list):
         raise _Wrong("story must be a list of levels")
@@ -198,18 +210,27 @@ def _expectation(stated: Any) -> Expectation:
         raise _Wrong(f"{negative[0]} is never negative, got {stated[negative[0]]!r}")
     if levels is None and not measures:
         raise _Wrong(f"nothing is expected: give story, or one of {', '.join(MEASURES)}")
-    return Expectation(
-        levels, measures, "draft" in stated, _assumption(stated), _text(stated, "namespace", "a namespace of the bag")
+    namespace, topic = (
+        _text(stated, "namespace", "a namespace of the bag"),
+        _text(stated, "topic", "a topic of the bag"),
     )
+    return Expectation(levels, measures, "draft" in stated, _assumption(stated, folder), namespace, topic)
 
 
-def _assumption(stated: Any) -> Assumption | None:
+def _assumption(stated: Any, folder: Path) -> Assumption | None:
     robot, settings = _text(stated, "robot", "the name of a preset or YAML file"), stated.get("settings", {})
     if not isinstance(settings, dict):
         raise _Wrong(f"settings must be a mapping of settings, got {settings!r}")
     if robot is None and settings:
         raise _Wrong("settings need robot")
+    if robot is not None and _is_file(robot):
+        robot = str(folder.absolute() / robot)
     return Assumption(robot, settings) if robot is not None else None
+
+
+def _is_file(robot: str | Path) -> bool:
+    """True for the path of a robot's file, False for the name of a preset."""
+    return Path(robot).suffix in (".yaml", ".yml")
 
 
 def _text(stated: Any, key: str, what: str) -> str | None:
@@ -220,10 +241,12 @@ def _text(stated: Any, key: str, what: str) -> str | None:
 
 def _level(stated: Any, where: str) -> Expected:
     _known(stated, {"level", "causes", "since_s", "optional"}, where)
-    if stated.get("level") not in Level.__members__:
-        raise _Wrong(f"{where}.level must be one of {', '.join(Level.__members__)}, got {stated.get('level')!r}")
+    if not isinstance(level := stated.get("level"), str) or level not in Level.__members__:
+        raise _Wrong(f"{where}.level must be one of {', '.join(Level.__members__)}, got {level!r}")
     causes = stated.get("causes", [])
-    if not isinstance(causes, list) or any(name not in Cause.__members__ for name in causes):
+    if not isinstance(causes, list) or any(
+        not isinstance(name, str) or name not in Cause.__members__ for name in causes
+    ):
         raise _Wrong(f"{where}.causes must be a list of {', '.join(Cause.__members__)}, got {causes!r}")
     mask = 0
     for name in causes:
@@ -231,7 +254,7 @@ def _level(stated: Any, where: str) -> Expected:
     since = _bounds(stated["since_s"], f"{where}.since_s") if "since_s" in stated else Bounds(-inf, inf)
     if not isinstance(optional := stated.get("optional", False), bool):
         raise _Wrong(f"{where}.optional must be true or false, got {optional!r}")
-    return Expected(Level[stated["level"]], mask, since, optional)
+    return Expected(Level[level], mask, since, optional)
 
 
 def _bounds(stated: Any, where: str) -> Bounds:
@@ -240,7 +263,10 @@ def _bounds(stated: Any, where: str) -> Bounds:
         raise _Wrong(f"{where} must be [low, high], or one number, got {stated!r}")
     if not pair[0] <= pair[1]:
         raise _Wrong(f"{where} must be [low, high] with low not above high, got {stated!r}")
-    return Bounds(float(pair[0]), float(pair[1]))
+    try:
+        return Bounds(float(pair[0]), float(pair[1]))
+    except OverflowError:
+        raise _Wrong(f"{where} must be [low, high], or one number, got a number above {float_info.max:.1g}") from None
 
 
 def _known(stated: Any, keys: set[str], where: str) -> None:

@@ -145,7 +145,8 @@ def judge_bag(
     path: MCAP file, or a folder with one.
     robot: preset name, YAML file or Robot, for a bag with joint states alone; other bags contain it.
     settings: for such a bag: names and values or a YAML file in place of shipped settings, or Settings.
-    expect: expectation file; left out: `expected.json` beside the bag, if it exists.
+    expect: expectation file; left out: `expected.json` in the folder of the bag, of a single file NAME.mcap
+    `NAME.expected.json` or `expected.json` beside it, if it exists.
     namespace: selects the robot in a bag of several robots.
     topic: joint states to judge, in a bag with several topics of them.
     mechanisms: files of your own mechanisms; left out: those beside the bag.
@@ -155,7 +156,9 @@ def judge_bag(
     """
     bag = existing_file(path, "the bag")
     expectation = story_of(bag, None if expect is None else existing_file(expect, "the expectation file"))
-    recording = read_recording(bag, namespace or (expectation.namespace if expectation else None), topic)
+    if expectation is not None:
+        namespace, topic = namespace or expectation.namespace, topic or expectation.topic
+    recording = read_recording(bag, namespace, topic)
     assumption = assumption_from(robot, settings, expectation)
     files = None if mechanisms is None else [existing_file(file, "the mechanism file") for file in mechanisms]
     series = Series()
@@ -223,9 +226,16 @@ def intervals_of(recording: Recording, judged: Judged) -> tuple[LevelInterval, .
 
 def story_of(bag: Path, expect: Path | None = None) -> Expectation | None:
     """The expectations of a bag: the given one, or the one beside it if it exists. Raises BagError."""
-    beside = bag / "expected.json" if bag.is_dir() else bag.with_name("expected.json")
-    file = expect or (beside if beside.is_file() else None)
+    file = expect or story_file(bag)
     return read_expectation(file) if file is not None else None
+
+
+def story_file(bag: Path) -> Path | None:
+    """The expectation file of a bag: in its folder; of a single file the one with its name, or else the common one,
+    beside it."""
+    own = f"{Path(bag.name.removesuffix('.zstd')).stem}.expected.json"
+    files = [bag / "expected.json"] if bag.is_dir() else [bag.with_name(own), bag.with_name("expected.json")]
+    return next((file for file in files if file.is_file()), None)
 
 
 def assumption_from(

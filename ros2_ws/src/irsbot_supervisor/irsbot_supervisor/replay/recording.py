@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from irsbot_msgs_py.records import JointSample, SingularityState, Verdict
+from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.bag.bag import Bag
 from irsbot_supervisor.bag.column_reader import Columns
 from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.bag.joint_columns import JointSamples
 from irsbot_supervisor.bag.journal import Configuration, Entry, JournalError, read_entry
+from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.replay.robots_in_bag import namespace_of, robots_in, sources_of
 
 Said = tuple[int, SingularityState | Verdict | Entry]
@@ -56,9 +59,12 @@ class Recording:
 
     @property
     def begin_ns(self) -> int:
-        """The first joint state, from which all times count: ns, ROS time."""
+        """The first joint state, from which all times count: ns, ROS time. Its stamp; the time of its recording without
+        states, and if the stamp is as old or as new as a supervisor rejects by its defaults: clocks may not agree."""
         first = self.samples[0]
-        return first.stamp_ns if any(one.states for one in self.sessions) else first.seen_ns
+        age_s = (first.seen_ns - first.stamp_ns) / NS_PER_S
+        stamped = -Settings.future_limit_s <= age_s <= Settings.age_limit_s
+        return first.stamp_ns if stamped and any(one.states for one in self.sessions) else first.seen_ns
 
     @property
     def states(self) -> list[SingularityState]:
@@ -94,6 +100,8 @@ def read_recording(bag: Path, namespace: str | None = None, topic: str | None = 
             elif not isinstance(entry.record, str) or entry.topic.endswith("/journal"):
                 stated[namespace_of(entry.topic)].append((entry.log_ns, entry.record))
         loss = str(opened.loss) if opened.loss else ""
+        for other in [name for name, words in stated.items() if not _is_supervisor([word for _, word in words])]:
+            del stated[other]
         robots = robots_in(
             [topic for topic in opened.topics() if topic.name in samples or namespace_of(topic.name) in stated]
         )
@@ -103,6 +111,17 @@ def read_recording(bag: Path, namespace: str | None = None, topic: str | None = 
     ]
     samples[joints].compact()
     return Recording(bag, samples[joints], _sessions(words), loss)
+
+
+def _is_supervisor(words: Sequence[object]) -> bool:
+    """True if a namespace has a state, a verdict, or a journal's entry: other programs have journals, too."""
+    for word in words:
+        if not isinstance(word, str):
+            return True
+        with suppress(JournalError):
+            read_entry(word)
+            return True
+    return False
 
 
 def _journal_entry(bag: Path, line: str) -> Entry:

@@ -14,14 +14,10 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from irsbot_kinematics import KinematicsError, Robot
-from irsbot_msgs_py.records import (
-    JointSample,
-    Level,
-    Tick,
-)
+from irsbot_msgs_py.records import JointSample, LateBrakes, Level, Tick
 from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.bag.joint_columns import JointColumns, JointSamples
-from irsbot_supervisor.bag.journal import Configuration, configured
+from irsbot_supervisor.bag.journal import Configuration, Entry, configured
 from irsbot_supervisor.configuration.loading import read_settings, robot_of
 from irsbot_supervisor.core.settings import InvalidSettings, Settings
 from irsbot_supervisor.replay.judged import SILENCE_NS, Interval, Judged
@@ -54,8 +50,8 @@ def judge_again(
     assumption: robot and settings, required for a bag without a journal and refused for a bag with one. mechanisms:
     Python files that may contain the recorded mechanism; left out: those beside the bag. Only a file with the recorded
     hash is loaded. watch: called for every judged sample. watch_rows: the same for samples that are judged as columns;
-    with `watch` alone none are. Raises BagError for settings that this version cannot use, and if the robot is missing
-    or given twice.
+    with `watch` alone none are. Raises BagError for settings that this version cannot use, if the robot is missing or
+    given twice, and if the bag has runs of several robots, one after another.
     """
     judged, watches = Judged([], Levels(), 0, 0), (watch, watch_rows)
     files = beside(recording.path) if mechanisms is None else mechanisms
@@ -70,11 +66,13 @@ def judge_again(
             fault = "the bag contains its robot and settings; a given robot and settings"
             raise BagError(f"{recording.path}: {fault} are for bags of joint states alone")
         else:
-            judged.robot = f"{first.values['robot']}, as recorded"
+            judged.robot = f"{first.machine.get('name')}, as recorded"
+        _need_one_robot(recording)
         if not recording.states:
-            others = [entry for entry in recording.journal if entry is not first]
+            others = [_as_recorded(entry) for entry in recording.journal if entry is not first]
             events = _with_ticks(recording.samples, others, recording.samples[-1].seen_ns)
-            _step_through(judged, first, events, count(1), files, watches)
+            begin = first._replace(seen_ns=first.received_ns)
+            _step_through(judged, begin, events, count(1), files, watches)
             return judged
         waiting: dict[int, deque[JointSample]] = defaultdict(deque)
         for sample in recording.samples:
@@ -92,6 +90,25 @@ def judge_again(
     except (InvalidSettings, KinematicsError) as error:
         raise BagError(f"{recording.path}: {error}") from None
     return judged
+
+
+def _as_recorded(entry: Entry) -> Entry:
+    """An entry with the ROS clock in place of the steady one: the clock of samples that no state tells the time of."""
+    later_ns = entry.received_ns - entry.seen_ns
+    if isinstance(entry, LateBrakes):
+        entry = entry._replace(brakes_ns=entry.brakes_ns + later_ns)
+    return entry._replace(seen_ns=entry.received_ns)
+
+
+def _need_one_robot(recording: Recording) -> None:
+    """Raises BagError if the settings of the sessions are of different robots."""
+    machines = [entry.machine for entry in recording.journal if isinstance(entry, Configuration)]
+    for machine in machines:
+        if machine != machines[0]:
+            names = f"{machines[0].get('name')} and {machine.get('name')}, with different records"
+            raise BagError(
+                f"{recording.path}: it holds runs of two robots under one name, {names}; split it in two bags"
+            )
 
 
 def beside(bag: Path) -> list[Path]:
@@ -165,8 +182,8 @@ def _with_ticks(samples: Sequence[JointSample], others: Sequence[Input], end_ns:
     kept = samples if isinstance(samples, JointSamples) else JointSamples(samples)
     others = sorted(others, key=lambda event: event.seen_ns)
     yield from in_order(kept, others)
-    last_ns = max([*(event.seen_ns for event in others[-1:]), *(part.last_ns for part in [kept] if len(kept))])
-    if end_ns > last_ns:
+    last = [*(event.seen_ns for event in others[-1:]), *(part.last_ns for part in [kept] if len(kept))]
+    if end_ns > max(last, default=0):
         yield Tick(end_ns + 1, end_ns + 1)
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from irsbot_kinematics import Robot
+from irsbot_kinematics import BadInput, KinematicsError, Robot
 from irsbot_kinematics.description.robot_record import robot_from_record
 from irsbot_msgs_py.records import Cause, JointSample, Level, SingularityState, Tick
 from irsbot_msgs_py.stamps import NS_PER_S
@@ -86,7 +86,7 @@ class Stepper:
         """numbers: of its samples, as recorded."""
         self._judged, self._numbers, self._ahead_ns = judged, iter(numbers), ahead_ns
         self._watch, self._watch_rows = watches
-        self._machine = robot_from_record(first.machine, files)
+        self._machine = _machine_of(first, files)
         self.supervisor = Supervisor(settings_from(first.values, self._machine), self._machine)
         judged.machine = self._machine
         judged.settings.append((first.seen_ns + ahead_ns, self.supervisor.settings))
@@ -184,6 +184,16 @@ class Stepper:
     def finish(self) -> None:
         """Note what counts for the whole supervision."""
         self._judged.rejections.update(self.supervisor.rejections)
+
+
+def _machine_of(first: Configuration, files: Sequence[Path]) -> Robot:
+    """The recorded robot. Raises KinematicsError."""
+    try:
+        return robot_from_record(first.machine, files)
+    except KinematicsError:
+        raise
+    except ValueError as error:
+        raise BadInput(f"not the record of a robot: {error}") from None
 
 
 def _event(given: Input, machine: Robot) -> Event:

@@ -17,9 +17,9 @@
                                                      # of other lengths than the shipped one of its name, stands or
                                                      # works about its own roomiest posture
 
-A piece is a stroke along poses (`by`: displacements, `to`: poses; straight in task space, corners rounded), a swing
-straight in joint space to a pose in any working mode (`swing_to`, `working_mode`), or a rest (`wait`, s). Strokes and
-swings begin and end at rest; `speed` (0..1] is relative to the limits of the joints. Poses are task coordinates, SI.
+A piece is a task-space move along poses (`by`: displacements, `to`: poses; straight, corners rounded), a joint move to
+a pose in any working mode (`swing_to`, `working_mode`; straight in joint space), or a rest (`wait`, s). Moves begin and
+end at rest; `speed` (0..1] is relative to the limits of the joints. Poses are task coordinates, SI.
 """
 
 from __future__ import annotations
@@ -138,8 +138,9 @@ def _read(name_or_path: str) -> tuple[str, str, dict[str, Any]]:
     except yaml.YAMLError as error:
         raise BadScenario(f"{place}: not YAML: {' '.join(str(error).split())}") from None
     _known(stated, _TOP, place)
-    if not isinstance(stated.get("robots"), dict) or not stated["robots"]:
-        raise BadScenario(f"{place}: robots must name at least one robot")
+    robots = stated.get("robots")
+    if not isinstance(robots, dict) or not robots or not all(isinstance(name, str) for name in robots):
+        raise BadScenario(f"{place}: robots must name at least one robot, each by a text")
     return name, place, stated
 
 
@@ -181,8 +182,10 @@ def _expectation(stated: Any, where: str) -> ExpectedOutcome:
         raise BadScenario(f"{where}: expect.stop must be true or false, got {stated.get('stop')!r}")
     if not isinstance(stated.get("unknown"), bool | None):
         raise BadScenario(f"{where}: expect.unknown must be true or false, got {stated['unknown']!r}")
-    causes = Cause.NONE
-    for name in stated.get("causes") or ():
+    causes, names = Cause.NONE, stated.get("causes") or []
+    if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+        raise BadScenario(f"{where}: expect.causes must be a list of names such as [TYPE2, BRAKING], got {names!r}")
+    for name in names:
         if name not in Cause.__members__:
             raise BadScenario(f"{where}: no cause '{name}'; known are {', '.join(Cause.__members__)}")
         causes |= Cause[name]

@@ -94,6 +94,8 @@ def plan(
         gap = max(abs(a - b) for a, b in zip(begin, planner.joints, strict=True))
         if not gap <= CYCLE_TOL:
             raise BadScenario(f"{scenario.name}: the cycle ends {gap:.3g} rad or m from where it begins")
+        if not cycle.duration_s > 0.0:
+            raise BadScenario(f"{scenario.name}: the cycle takes no time; it needs a move, or a rest above 0 s")
         wanted = (scenario.seconds if seconds is None else seconds) / cycle.duration_s
         parts.append((cycle, max(floor(wanted), 1) if wanted < inf else inf))
     parts += [(planner.drive(piece, f"run[{i}]"), 1) for i, piece in enumerate(scenario.run)]

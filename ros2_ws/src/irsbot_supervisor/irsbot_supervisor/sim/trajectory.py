@@ -25,7 +25,7 @@ from irsbot_supervisor.sim.paths import RoundedPath
 from irsbot_supervisor.trajectory.joint_path import JointLimits, JointPath, JointPoint, Motion, excess_of, peaks_of
 
 KNOTS = 257
-"""Samples of one stroke; between them the joints move on cubics, whose limits are checked exactly."""
+"""Samples of one task-space move; between them the joints move on cubics, whose limits are checked exactly."""
 
 RAMPS = (0.5, 0.4, 0.3, 0.2, 0.14, 0.1, 0.07, 0.05)
 """Shares of the time for acceleration, and the same for deceleration, that are tried; the fastest law is used."""
@@ -44,7 +44,7 @@ class MotionSequence:
         ]
         self._starts = list(accumulate(lengths, initial=0.0))
         if not self._parts:
-            raise BadPath("a course needs a motion")
+            raise BadPath("a sequence of motions needs at least one motion that runs at least once")
 
     @property
     def duration_s(self) -> float:
@@ -79,7 +79,7 @@ def task_move(
 ) -> JointPath:
     """From rest to rest along a path in task space, in one working mode, at `speed` (0..1] of the fastest.
 
-    near: joint positions before the stroke; the joints begin in the same turn. Raises BadPath where the path leaves
+    near: joint positions before the move; the joints begin in the same turn. Raises BadPath where the path leaves
     the workspace.
     """
 
