@@ -166,8 +166,13 @@ def meet_speed(client: Client, _clock: SimpleNamespace) -> None:
     client.velocity(0.0, 1e6)
 
 
-def meet_limit(client: Client, _clock: SimpleNamespace) -> None:
+def meet_limit(client: Client, clock: SimpleNamespace) -> None:
+    """The robot is held until a heartbeat has found what passes."""
     client.velocity(-6.0, 0.0)
+    assert client.heard(GateReason.LIMIT).outcome == GateOutcome.HELD
+    client.statuses.clear()
+    for _ in range(10):
+        client.gate.beat(clock.now_ns)
 
 
 def meet_stopping(client: Client, _clock: SimpleNamespace) -> None:
