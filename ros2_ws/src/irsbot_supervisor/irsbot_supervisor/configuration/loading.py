@@ -39,8 +39,10 @@ def shipped_values(robot: Robot) -> dict[str, Any]:
     its topology, or those of its topology: a file that only has the name of a preset is another machine."""
     folder = resources.files("irsbot_supervisor").joinpath("settings")
     kind = robot.mechanism.kind
-    is_preset = robot.name in preset_names() and read_robot(robot.name).mechanism.kind == kind
-    for name in (robot.name, kind) if is_preset else (kind,):
+    names = [kind]
+    if robot.name != kind and robot.name in preset_names() and read_robot(robot.name).mechanism.kind == kind:
+        names.insert(0, robot.name)
+    for name in names:
         file = folder.joinpath(f"{name}.yaml")
         if file.is_file():
             return {**_mapping(file.read_text(encoding="utf-8"), f"{name}.yaml"), **robot.supervision}

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -31,16 +32,18 @@ def descriptor(text: str, limits: Limits | None = None, *, read_only: bool = Tru
 def declare(node: Node, name: str, default: Any, described: ParameterDescriptor) -> Any:
     """Declare a parameter and return its value. Raises UsageError for a number outside of the range, and what
     `declare_parameter` raises."""
-    given = node.declare_parameter(name, None, ParameterDescriptor(dynamic_typing=True))
-    node.undeclare_parameter(name)
-    converted = _as(Parameter.Type.from_parameter_value(default), given)
+    try:
+        return node.declare_parameter(name, default, described).value
+    except (InvalidParameterTypeException, InvalidParameterValueException):
+        # What is given can be seen only where every type and every value is allowed.
+        given = node.declare_parameter(name, None, ParameterDescriptor(dynamic_typing=True))
+        node.undeclare_parameter(name)
+    value = _as(Parameter.Type.from_parameter_value(default), given).value
     for limits in (*described.floating_point_range, *described.integer_range):
         low, high = limits.from_value, limits.to_value
-        if isinstance(converted.value, (int, float)) and not low <= converted.value <= high:
-            raise UsageError(f"{name} is {converted.value!r}, must be in {low:g}..{high:g}")
-    if converted is given:
-        return node.declare_parameter(name, default, described).value
-    return node.declare_parameter(name, converted.value, described, ignore_override=True).value
+        if isinstance(value, (int, float)) and not low <= value <= high:
+            raise UsageError(f"{name} is {value!r}, must be in {low:g}..{high:g}")
+    return node.declare_parameter(name, value, described, ignore_override=True).value
 
 
 SCALARS = (Parameter.Type.DOUBLE, Parameter.Type.INTEGER, Parameter.Type.STRING)
