@@ -16,6 +16,8 @@ from irsbot_msgs_py.process.fastdds import PEERS, PROFILES, RANGE, TRANSPORTS
 
 pytest.importorskip("rclpy", reason="needs ROS 2")
 
+from irsbot_supervisor.processes.suite import free_domain
+
 pytestmark = pytest.mark.ros
 
 PROGRAM = """
@@ -68,7 +70,7 @@ def shown(wish: str, *args: str, **variables: str) -> Iterator[subprocess.Popen[
     inherited = {name: value for name, value in os.environ.items() if name not in (TRANSPORTS, PROFILES, RANGE, PEERS)}
     process = subprocess.Popen(
         [sys.executable, "-c", PROGRAM, wish, *args],
-        env={**inherited, "ROS_DOMAIN_ID": str(1 + os.getpid() % 100), **variables},
+        env={**inherited, "ROS_DOMAIN_ID": str(free_domain()), **variables},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
