@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import random
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from irsbot_supervisor.bag.salvage import Salvaged, salvage
 from irsbot_supervisor.validation.harness.rows import Job, Tally
+from irsbot_supervisor.validation.with_nodes import recorder
 from irsbot_supervisor.validation.with_nodes.recorder import BACK, OF, Piece, cut, flip, make_bag
 
 JOB = Job(0, 0, lambda number: None)
@@ -28,6 +31,26 @@ def test_a_file_cut_anywhere_gives_back_every_chunk_before_the_cut(bag, tmp_path
     row = tally.row()
     assert row.ok, row.note
     assert 0 < row.figures[BACK] < row.figures[OF]  # cuts that cost nothing would prove nothing
+
+
+@pytest.mark.parametrize(
+    "hidden",
+    [{"cut": False}, {"places": 0, "bytes": 0}, {"messages": 0, "places": 0, "bytes": 0, "cut": False}],
+    ids=["that the file was not closed", "that a chunk is cut", "anything"],
+)
+def test_a_salvage_that_does_not_say_what_is_lost_fails_the_row(
+    bag, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, hidden: dict[str, int]
+):
+    path, pieces = bag
+
+    def quiet(source: Path, target: Path) -> Salvaged:
+        saved = salvage(source, target)
+        return saved._replace(loss=replace(saved.loss, **hidden))
+
+    monkeypatch.setattr(recorder, "salvage", quiet)
+    tally = Tally("cut", JOB)
+    cut(tally, path, pieces, [(pieces[3].start + pieces[3].end) // 2], tmp_path)
+    assert tally.row().failed == 1
 
 
 @pytest.mark.parametrize("closed", [True, False], ids=["closed", "killed"])
