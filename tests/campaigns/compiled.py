@@ -181,6 +181,7 @@ def compare(arguments: list[str]) -> int:
                 print(both if compiled == plain == "compiled True" else hint, file=sys.stderr)
                 for process in forms:
                     process.kill()
+                    process.communicate()
                 return 2
             if pieces and compiled != plain:
                 different += 1
