@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -424,6 +425,52 @@ def test_a_row_ends_with_a_command_that_is_killed(tmp_path: Path) -> None:
     for one in left:
         one.kill()
     assert not left
+
+
+UNTIDY_ROW = """
+from threading import Event
+from tempfile import TemporaryDirectory
+from irsbot_supervisor.validation.harness.rows import Entry
+from irsbot_supervisor.validation.runner import Order, run_rows
+def untidy(job):
+    with TemporaryDirectory() as folder:
+        print(folder, flush=True)
+        Event().wait()
+if __name__ == "__main__":
+    list(run_rows([Order(Entry("untidy", "never ends", 1, 1, untidy), 1, 1)], 1, print))
+"""
+
+
+@pytest.mark.parametrize("interrupt", [os.kill, os.killpg], ids=["the command", "all, as Ctrl-C does"])
+def test_an_interrupted_row_removes_its_files_and_says_nothing(
+    tmp_path: Path, interrupt: Callable[[int, int], None]
+) -> None:
+    script = tmp_path / "untidy_row.py"
+    script.write_text(UNTIDY_ROW)
+    command = subprocess.Popen(
+        [sys.executable, str(script)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        assert command.stdout is not None
+        folder = Path(command.stdout.readline().strip())
+        assert folder.is_dir()
+        interrupt(command.pid, signal.SIGINT)
+        _, stated = command.communicate(timeout=PATIENCE_S)
+    finally:
+        command.kill()
+    assert not folder.exists()
+    assert "in untidy" not in stated
+
+
+@pytest.mark.parametrize(("gone", "code"), [(False, 0), (True, 1)])
+def test_a_process_whose_parent_is_gone_before_it_can_follow_it_ends(gone: bool, code: int) -> None:
+    parent = f"os.getppid() + {int(gone)}"
+    words = f"import os; from irsbot_supervisor.processes.suite import end_with_parent; end_with_parent({parent})"
+    assert subprocess.run([sys.executable, "-c", words], timeout=PATIENCE_S).returncode == code
 
 
 def test_the_command_runs_the_rows_that_are_named_and_writes_their_table(tmp_path: Path) -> None:

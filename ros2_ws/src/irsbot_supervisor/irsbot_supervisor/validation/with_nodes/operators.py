@@ -53,12 +53,12 @@ AT_ONCE = 1000
 @contextmanager
 def _supervised(tally: Tally, pose: list[float], settings: dict[str, Any] | None = None) -> Iterator[Tester]:
     """A supervisor of a robot at rest; the row counts whether it is alive at the end."""
-    from irsbot_supervisor.validation.harness.client import Tester
+    from irsbot_supervisor.validation.harness.client import PATIENCE_S, Tester
 
     domain = free_domain()
     with (
         TemporaryDirectory(prefix="irsbot-operators-") as folder,
-        Suite(Path(folder), domain) as suite,
+        Suite(Path(folder), domain, patience_s=PATIENCE_S) as suite,
         Tester(suite, domain) as tester,
     ):
         suite.start(Node("supervisor", SUPERVISOR, settings or {}))
