@@ -34,6 +34,7 @@ from irsbot_supervisor.core.estimation import frozen, jumps, silence
 from irsbot_supervisor.core.settings import InvalidSettings
 from irsbot_supervisor.core.stopping import StoppingPredictor
 from irsbot_supervisor.fleet.cluster import Cluster
+from irsbot_supervisor.gate import velocity_gate
 from irsbot_supervisor.gate.velocity_gate import Gate
 from irsbot_supervisor.sim.trajectory import joint_move
 from irsbot_supervisor.trajectory.joint_path import joint_limits_of
@@ -201,6 +202,12 @@ def permissive(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Gate, "_beyond", lambda *_: None)
 
 
+def generous(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A way out may lose what a margin has."""
+    monkeypatch.setattr(velocity_gate, "DIP", 0.5)
+    monkeypatch.setattr(escape, "DIP", 0.5, raising=False)  # also where the row knows of it
+
+
 def absent_minded(monkeypatch: pytest.MonkeyPatch) -> None:
     """A change of one setting is lost."""
     monkeypatch.setattr(
@@ -223,6 +230,7 @@ def unwilling(monkeypatch: pytest.MonkeyPatch) -> None:
         (blind, approach.run, job(3, "irsbot2")),
         (blind, swings.run, job(3, "irsbot2")),
         (permissive, escape.run, job(2, "irsbot2")),
+        (generous, escape.run, job(2, "irsbot2")),
         (absent_minded, changes.run, job(60)),
         (unwilling, changes.run, job(60)),
         (hesitant, loci.run, job(8, "irsbot2")),
