@@ -47,7 +47,7 @@ def observed(
     monkeypatch.setattr(silence, "time", clock)
 
     def heard(at_ns: int, sequence: int) -> Heard:
-        return Heard(at_ns, at_ns, SimpleNamespace(sequence=sequence, level=Level.OK, text=""))  # type: ignore[arg-type]
+        return Heard(at_ns, at_ns, SimpleNamespace(sequence=sequence, level=Level.OK, text=""))
 
     def take() -> list[Heard]:
         there = [one for one in coming if one.sent_ns <= clock.now_ns]
