@@ -62,7 +62,7 @@ from irsbot_supervisor.validation.with_nodes import resets
 pytestmark = pytest.mark.slow
 
 AMOUNTS = {
-    "approach": 26,
+    "approach": 8,
     "swings": 6,
     "adversary": 9,
     "clean": 2000,
@@ -78,6 +78,7 @@ AMOUNTS = {
 
 THREE = ("irsbot2", "orthoglide", "rrr3")
 FEW = {
+    "approach": (*THREE, "five_bar"),
     "swings": THREE,
     "adversary": THREE,
     "clean": ("irsbot2", "five_bar", "orthoglide", "rrr3_base", "ruu4"),
