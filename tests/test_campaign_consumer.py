@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import runpy
 from pathlib import Path
 
@@ -27,7 +28,9 @@ CASES = [
 
 def test_whichever_process_is_lost_the_consumer_brakes_in_time_and_forgets_old_commands() -> None:
     # raises where motion does not end, or does not begin again
+    before = dict(os.environ)
     found = runpy.run_path(str(CAMPAIGN))["run"](1, CASES)
     assert {case: [outage.unsafe for outage in outages] for case, outages in found.items()} == {
         case: [""] for case in CASES
     }
+    assert dict(os.environ) == before

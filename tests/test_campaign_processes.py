@@ -1,4 +1,5 @@
-"""The rows of the fault campaign that start nodes, short. How old data may get is not asked here: machines differ."""
+"""The rows of the fault campaign that start nodes, short. How old data may get is asked only as far as
+old samples in a queue would show: machines differ."""
 
 from __future__ import annotations
 

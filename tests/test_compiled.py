@@ -7,6 +7,7 @@ import ctypes.util
 import importlib
 import os
 import random
+import runpy
 import shutil
 import struct
 import subprocess
@@ -433,6 +434,13 @@ def compiled_run(*command: str) -> str:
 def test_compiled_modules_give_the_results_of_plain_python():
     out = compiled_run(str(CAMPAIGN), "--samples", "480", "--parts", "postures", "streams")
     assert "0 differ" in out
+
+
+@pytest.mark.parametrize("form", [True, False])
+def test_a_form_is_not_compared_with_itself(monkeypatch: pytest.MonkeyPatch, form: bool):
+    start, said = subprocess.Popen, f"print('compiled {form}\\na piece: 1')"
+    monkeypatch.setattr(subprocess, "Popen", lambda _command, **more: start([sys.executable, "-c", said], **more))
+    assert runpy.run_path(str(CAMPAIGN))["compare"]([]) == 2
 
 
 @needs_compiled

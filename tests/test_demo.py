@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import signal
 import subprocess
@@ -24,6 +25,7 @@ from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.bag.bag import Bag
 from irsbot_supervisor.bag.bag_writer import BagWriter
 from irsbot_supervisor.bag.errors import BagError
+from irsbot_supervisor.processes.suite import JOINTS
 from irsbot_supervisor.replay.recording import read_recording
 from irsbot_supervisor.replay.rejudge import judge_again
 
@@ -133,9 +135,15 @@ def test_an_altered_verdict_is_found_and_its_sample_named(demo: tuple[Path, str]
 
 
 def _nodes_of(process: subprocess.Popen[str]) -> list[psutil.Process]:
-    """The processes of a demo, once all its nodes are there."""
+    """The processes of a demo, once all its nodes are there: the simulated joints are the last."""
     parent = psutil.Process(process.pid)
-    _await(lambda: len(parent.children(recursive=True)) >= 4)
+
+    def complete() -> bool:
+        with contextlib.suppress(psutil.NoSuchProcess):
+            return any(JOINTS in one.cmdline() for one in parent.children())
+        return False
+
+    _await(complete)
     return parent.children(recursive=True)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import signal
 import subprocess
@@ -212,7 +213,8 @@ def test_a_port_that_is_taken_is_one_line(served: Served) -> None:
     assert said.code == 2
     assert "--foxglove-port" in said.refusal
     command = [sys.executable, "-m", FOXGLOVE, "--ros-args", "-p", f"port:={served.port}"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
+    environment = {**os.environ, "ROS_DOMAIN_ID": str(free_domain())}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=PATIENCE_S)
     assert done.returncode == 2
     assert "nothing served at localhost" in done.stderr
     assert "Traceback" not in done.stderr

@@ -175,10 +175,13 @@ def compare(arguments: list[str]) -> int:
     with Progress(*columns, console=Console(stderr=True)) as progress:
         task = progress.add_task("", total=None)
         for compiled, plain in zip_longest(*map(_lines, forms)):  # in turn, so that neither form runs far ahead
-            if not pieces and compiled != "compiled True":
-                print("there are no compiled modules of these sources: ./irsbot setup makes them", file=sys.stderr)
+            if not pieces and (compiled, plain) != ("compiled True", "compiled False"):
+                hint = "there are no compiled modules of these sources: ./irsbot setup makes them"
+                both = "IRSBOT_PLAIN=1 does not switch the compiled modules off: there is nothing to compare with"
+                print(both if compiled == plain == "compiled True" else hint, file=sys.stderr)
                 for process in forms:
                     process.kill()
+                    process.communicate()
                 return 2
             if pieces and compiled != plain:
                 different += 1

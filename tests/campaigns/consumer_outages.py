@@ -66,8 +66,8 @@ def _outage(station: Station, name: str, how: str) -> Outage:
     process, told = station.suite.processes[name], len(station.lines)
     if station.lines[told - 1].rate != station.rate:
         return Outage(-1.0, "", "")
-    at_ns, wall_ns = time.monotonic_ns(), time.time_ns()
     process.send_signal(SIGNALS[how])
+    at_ns, wall_ns = time.monotonic_ns(), time.time_ns()  # a pause before them makes what follows seem sooner
     end_ns = wall_ns
     station.commanding = name in BYSTANDERS
     if how == "restart":  # it may command until its end

@@ -51,9 +51,9 @@ class Station:
 
     def __init__(self, folder: Path, header: bool) -> None:
         here = str(Path(__file__).resolve().parent)
-        os.environ["PYTHONPATH"] = os.pathsep.join([here, *filter(None, [os.environ.get("PYTHONPATH")])])
+        path = os.pathsep.join([here, *filter(None, [os.environ.get("PYTHONPATH")])])
         self.domain = free_domain()
-        self.suite = Suite(folder / "logs", self.domain)
+        self.suite = Suite(folder / "logs", self.domain, environment={**os.environ, "PYTHONPATH": path})
         self._log = folder / "controller.txt"
         self.context = rclpy.Context()
         rclpy.init(context=self.context, domain_id=self.domain)

@@ -17,6 +17,8 @@ from irsbot_msgs_py.process.run import SWITCH_S
 
 pytest.importorskip("rclpy", reason="needs ROS 2")
 
+from irsbot_supervisor.processes.suite import free_domain
+
 pytestmark = pytest.mark.ros
 
 PROGRAM = """
@@ -74,7 +76,7 @@ def shown(wish: str, *args: str, **variables: str) -> Iterator[subprocess.Popen[
     inherited = {name: value for name, value in os.environ.items() if name not in ours}
     process = subprocess.Popen(
         [sys.executable, "-c", PROGRAM, wish, *args],
-        env={**inherited, "ROS_DOMAIN_ID": str(1 + os.getpid() % 100), **variables},
+        env={**inherited, "ROS_DOMAIN_ID": str(free_domain()), **variables},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -18,19 +19,23 @@ import psutil
 import pytest
 from command import IRSBOT, PATIENCE_S
 from dask_processes import dask_cluster, kill_worker
-from fake_supervisors import FakeTimidSupervisor
+from fake_supervisors import FakeHesitantSupervisor, FakeTimidSupervisor
 from rows_for_tests import break_down, end, not_met, tell_and_wait
 
 from irsbot_kinematics import BadInput
-from irsbot_msgs_py.records import Level
+from irsbot_msgs_py.records import JointSample, Level
 from irsbot_supervisor.cli.faults import faults
+from irsbot_supervisor.configuration.feasibility import settings_from
 from irsbot_supervisor.configuration.loading import read_settings
-from irsbot_supervisor.core import assessment, margins
+from irsbot_supervisor.core import assessment, latch, margins
 from irsbot_supervisor.core import supervisor as pipeline
 from irsbot_supervisor.core import validation as intake
 from irsbot_supervisor.core.estimation import frozen, jumps, silence
+from irsbot_supervisor.core.settings import InvalidSettings
 from irsbot_supervisor.core.stopping import StoppingPredictor
 from irsbot_supervisor.fleet.cluster import Cluster
+from irsbot_supervisor.gate import velocity_gate
+from irsbot_supervisor.gate.velocity_gate import Gate
 from irsbot_supervisor.sim.trajectory import joint_move
 from irsbot_supervisor.trajectory.joint_path import joint_limits_of
 from irsbot_supervisor.validation import runner
@@ -39,7 +44,17 @@ from irsbot_supervisor.validation.harness.case import Case
 from irsbot_supervisor.validation.harness.motion import Motion, played, work
 from irsbot_supervisor.validation.harness.rows import FALSE_STOPS, RECOVERY_S, TO_STOP_S, Entry, Job, Row, Tally
 from irsbot_supervisor.validation.harness.stream import WARM_UP, InputStream, prepared
-from irsbot_supervisor.validation.in_process import approach, clean, delivery, escape, garbage, loci, stamps
+from irsbot_supervisor.validation.in_process import (
+    approach,
+    changes,
+    clean,
+    delivery,
+    escape,
+    garbage,
+    loci,
+    stamps,
+    swings,
+)
 from irsbot_supervisor.validation.registry import ENTRIES
 from irsbot_supervisor.validation.runner import Order, run_rows, run_rows_on
 from irsbot_supervisor.validation.with_nodes import resets
@@ -47,7 +62,7 @@ from irsbot_supervisor.validation.with_nodes import resets
 pytestmark = pytest.mark.slow
 
 AMOUNTS = {
-    "approach": 26,
+    "approach": 8,
     "swings": 6,
     "adversary": 9,
     "clean": 2000,
@@ -63,6 +78,7 @@ AMOUNTS = {
 
 THREE = ("irsbot2", "orthoglide", "rrr3")
 FEW = {
+    "approach": (*THREE, "five_bar"),
     "swings": THREE,
     "adversary": THREE,
     "clean": ("irsbot2", "five_bar", "orthoglide", "rrr3_base", "ruu4"),
@@ -169,10 +185,57 @@ def obliging(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pipeline.Supervisor, "standing", True)
 
 
+def hesitant(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stop is told a tenth of a second after it is due."""
+    monkeypatch.setattr(loci, "Supervisor", FakeHesitantSupervisor)
+
+
+def forgiving(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A reset does not ask whether a cause is active."""
+    judged = latch.Latch.reset
+    monkeypatch.setattr(
+        latch.Latch, "reset", lambda self, event, at_ns, standing, _: judged(self, event, at_ns, standing, [])
+    )
+
+
+def permissive(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No command leads beyond a limit."""
+    monkeypatch.setattr(Gate, "_beyond", lambda *_: None)
+
+
+def generous(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A way out may lose what a margin has."""
+    monkeypatch.setattr(velocity_gate, "DIP", 0.5)
+    monkeypatch.setattr(escape, "DIP", 0.5, raising=False)  # also where the row knows of it
+
+
+def absent_minded(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A change of one setting is lost."""
+    monkeypatch.setattr(
+        changes, "settings_from", lambda values, robot: settings_from({**values, "load_force_n": 50.0}, robot)
+    )
+
+
+def unwilling(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every change is refused."""
+
+    def refuse(*_: Any) -> None:
+        raise InvalidSettings("no")
+
+    monkeypatch.setattr(changes, "settings_from", refuse)
+
+
 @pytest.mark.parametrize(
     ("broken", "run", "work"),
     [
         (blind, approach.run, job(3, "irsbot2")),
+        (blind, swings.run, job(3, "irsbot2")),
+        (permissive, escape.run, job(2, "irsbot2")),
+        (generous, escape.run, job(2, "irsbot2")),
+        (absent_minded, changes.run, job(60)),
+        (unwilling, changes.run, job(60)),
+        (hesitant, loci.run, job(8, "irsbot2")),
+        (forgiving, resets.run, job(200)),
         (trusting, stamps.run, job(48)),
         (patient, delivery.run, job(15)),
         (credulous, delivery.run, job(30)),
@@ -193,6 +256,23 @@ def test_a_row_finds_a_broken_supervisor(
     row = run(work)
     assert row.unsafe + row.failed > 0
     assert row.note
+
+
+@pytest.mark.parametrize(("periods", "unsafe"), [(1.9, False), (5.0, True)])
+def test_a_position_that_is_farther_off_than_motion_can_be_must_not_be_allowed(
+    monkeypatch: pytest.MonkeyPatch, periods: float, unsafe: bool
+) -> None:
+    credulous(monkeypatch)
+    work = InputStream("irsbot2", np.random.default_rng(1))
+    work.run(WARM_UP)
+    work.advance()
+    off = periods * 1e-3 * work.settings.velocity_limit[0]
+
+    def shifted(sample: JointSample, _rng: np.random.Generator) -> JointSample:
+        return sample._replace(position=(sample.position[0] + off, *sample.position[1:]))
+
+    tally = Tally("one", job(1))
+    assert bool(garbage._try(work, shifted, np.random.default_rng(1), tally)[0]) is unsafe
 
 
 def test_robots_that_are_led_nowhere_fail_the_row_escape(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -354,6 +434,52 @@ def test_a_row_ends_with_a_command_that_is_killed(tmp_path: Path) -> None:
     for one in left:
         one.kill()
     assert not left
+
+
+UNTIDY_ROW = """
+from threading import Event
+from tempfile import TemporaryDirectory
+from irsbot_supervisor.validation.harness.rows import Entry
+from irsbot_supervisor.validation.runner import Order, run_rows
+def untidy(job):
+    with TemporaryDirectory() as folder:
+        print(folder, flush=True)
+        Event().wait()
+if __name__ == "__main__":
+    list(run_rows([Order(Entry("untidy", "never ends", 1, 1, untidy), 1, 1)], 1, print))
+"""
+
+
+@pytest.mark.parametrize("interrupt", [os.kill, os.killpg], ids=["the command", "all, as Ctrl-C does"])
+def test_an_interrupted_row_removes_its_files_and_says_nothing(
+    tmp_path: Path, interrupt: Callable[[int, int], None]
+) -> None:
+    script = tmp_path / "untidy_row.py"
+    script.write_text(UNTIDY_ROW)
+    command = subprocess.Popen(
+        [sys.executable, str(script)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        assert command.stdout is not None
+        folder = Path(command.stdout.readline().strip())
+        assert folder.is_dir()
+        interrupt(command.pid, signal.SIGINT)
+        _, stated = command.communicate(timeout=PATIENCE_S)
+    finally:
+        command.kill()
+    assert not folder.exists()
+    assert "in untidy" not in stated
+
+
+@pytest.mark.parametrize(("gone", "code"), [(False, 0), (True, 1)])
+def test_a_process_whose_parent_is_gone_before_it_can_follow_it_ends(gone: bool, code: int) -> None:
+    parent = f"os.getppid() + {int(gone)}"
+    words = f"import os; from irsbot_supervisor.processes.suite import end_with_parent; end_with_parent({parent})"
+    assert subprocess.run([sys.executable, "-c", words], timeout=PATIENCE_S).returncode == code
 
 
 def test_the_command_runs_the_rows_that_are_named_and_writes_their_table(tmp_path: Path) -> None:

@@ -14,13 +14,14 @@ from rclpy.context import Context
 from rclpy.lifecycle import LifecycleNode
 
 from irsbot_supervisor.nodes.lifecycle import answer_every_request, forget_state_machine
+from irsbot_supervisor.processes.suite import free_domain
 
 pytestmark = pytest.mark.ros
 
 
 def test_the_rclpy_that_is_installed_has_them():
     context = Context()
-    rclpy.init(context=context)
+    rclpy.init(context=context, domain_id=free_domain())
     node = LifecycleNode("guarded", context=context)
     assert callable(node._service_change_state.callback)
     assert callable(node._state_machine.destroy_when_not_in_use)

@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import fields
 
@@ -29,6 +29,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from irsbot_msgs_py.cdr import decode_joint_state
 from irsbot_msgs_py.records import JointSample, Level
 from irsbot_supervisor.nodes.simulation_parameters import declare_simulation
+from irsbot_supervisor.processes.asking import Asking
 from irsbot_supervisor.processes.suite import free_domain
 from irsbot_supervisor.sim.simulation import Simulation
 
@@ -59,6 +60,7 @@ class SupervisorSession:
         self._executor.add_node(self.node)
         self._stated: VerdictMessage | None = None
         self._heard: list[JointSample] = []
+        self.all_heard: list[JointSample] = []
         self._condition: Condition = lambda heard: False
         self._met = Future()
 
@@ -77,8 +79,10 @@ class SupervisorSession:
         self._commands.publish(message)
 
     def set_fault(self, line: str) -> tuple[bool, str]:
-        """Set the parameter `fault`; whether it was accepted, and why not."""
+        """Set the parameter `fault`, once; whether it was accepted, and why not."""
         self.until(lambda heard: self._parameters.service_is_ready())
+        empty = Asking(self._parameters, SetParameters.Request())  # answered once the joints know this client
+        self.until(lambda heard: empty.answered())
         request = SetParameters.Request(parameters=[Parameter("fault", value=line).to_parameter_msg()])
         answer = self._parameters.call_async(request)
         self._executor.spin_until_future_complete(answer, timeout_sec=PATIENCE_S)
@@ -111,6 +115,7 @@ class SupervisorSession:
 
     def _hear(self, data: bytes) -> None:
         self._heard.append(decode_joint_state(data, 0, 0))
+        self.all_heard.append(self._heard[-1])
         if not self._met.done() and self._condition(self._heard):
             self._met.set_result(None)
 
@@ -189,9 +194,14 @@ class TestJointsInEndlessMotion:
         patient.say(Level.OK)
         patient.until(moves)
         patient.say(Level.WARN, speed_scale=0.2)
-        heard = patient.until(lambda heard: len(heard) > 2000)
-        late = np.abs([sample.velocity for sample in heard[-1500:]])
-        assert 0.1 < late.max() < 1.2  # the cycle reaches 4.8 rad/s
+
+        def fastest(heard: list[JointSample]) -> float:
+            return max(abs(rate) for sample in heard[-1500:] for rate in sample.velocity)
+
+        heard = patient.until(  # the cycle reaches 4.8 rad/s; it takes longer than these samples
+            lambda heard: len(heard) >= 1500 and len(heard) % 100 == 0 and fastest(heard) < 1.2
+        )
+        assert fastest(heard) > 0.1
 
     def test_the_stamps_of_samples_are_a_millisecond_apart(self, patient):
         heard = patient.until(lambda heard: len(heard) >= 2000)
@@ -202,9 +212,10 @@ class TestJointsInEndlessMotion:
         assert np.abs(since - np.round(since)).max() < 0.1
 
     def test_a_fault_strikes_live_and_a_wrong_one_is_refused(self, patient):
+        begin = len(patient.all_heard)
         assert patient.set_fault("nan:count=5") == (True, "")
-        heard = patient.until(lambda heard: len(heard) >= 1000)
-        assert sum(np.isnan(sample.position).all() for sample in heard) <= 5
+        patient.until(lambda heard: len(heard) >= 1000)
+        assert sum(np.isnan(sample.position).all() for sample in patient.all_heard[begin:]) == 5
         assert patient.set_fault("permuted") == (True, "")
         patient.until(lambda heard: bool(heard) and heard[-1].names == ("joint_2", "joint_1"))
         accepted, reason = patient.set_fault("nam")
@@ -287,9 +298,19 @@ def test_every_limit_of_the_simulation_is_in_the_description_of_its_parameter(se
 
 LONELY = """
 import irsbot_supervisor.nodes.simulated_joints as module
-module.LONELY_S = 0.2
+module.LONELY_S = 0.02
+module.LISTENERS_NS = 10**9
 module.main()
 """
+"""They say after 0.02 s that no verdict comes, and after 1 s that nobody listens."""
+
+
+def iter_until(lines: Iterable[str], words: str) -> Iterator[str]:
+    """Lines, up to the first one with these words."""
+    for line in lines:
+        yield line
+        if words in line:
+            return
 
 
 @pytest.mark.parametrize("parameters", [[], ["--ros-args", "-p", "use_sim_time:=true"]])  # with a clock that stands
@@ -297,16 +318,15 @@ def test_joints_that_hear_no_supervisor_say_once_where_they_listen(parameters):
     """A supervisor of another name says its verdicts elsewhere."""
     environment = {**os.environ, "ROS_DOMAIN_ID": str(free_domain())}
     pipe = subprocess.PIPE
-    with subprocess.Popen(
-        [sys.executable, "-c", LONELY, *parameters], stderr=pipe, text=True, env=environment
-    ) as process:
+    command = [sys.executable, "-c", LONELY, *parameters]
+    with subprocess.Popen(command, stderr=pipe, text=True, env=environment) as process:
         assert process.stderr is not None
-        stated = next(line for line in process.stderr if "no verdict" in line)
+        lines = list(iter_until(process.stderr, "1 are expected"))
         process.send_signal(signal.SIGINT)
-        rest = process.stderr.read()
+        lines += process.stderr
+    (stated,) = (line for line in lines if "no verdict" in line)
     assert "no verdict on /supervisor/verdict" in stated
     assert "-r supervisor/verdict:=NAME/verdict" in stated
-    assert "no verdict" not in rest
 
 
 def test_the_first_sample_waits_for_the_listeners_that_were_announced(session: SupervisorSession):

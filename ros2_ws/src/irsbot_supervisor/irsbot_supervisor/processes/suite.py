@@ -15,6 +15,7 @@ import sys
 import time
 from collections import deque
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple
@@ -40,7 +41,7 @@ FIRST_PORT, PORTS_PER_DOMAIN = 7400, 250
 """UDP port of discovery in domain 0, and the distance to the next domain's (DDSI-RTPS 9.6.1)."""
 
 PATIENCE_S = 5.0
-"""s between asking a node to end and ending it by force."""
+"""s between asking a node to end and ending it by force, for a user who waits."""
 
 _DIE_WITH_PARENT = 1
 """PR_SET_PDEATHSIG of prctl(2): no node outlives a command that was killed."""
@@ -62,15 +63,25 @@ class Node(NamedTuple):
 class Suite:
     """Running nodes. Use as a context manager: it always ends them."""
 
-    def __init__(self, logs: Path, domain: int, namespace: str = "", parameter_file: Path | None = None) -> None:
-        """logs: folder for the output of the nodes, one file each."""
-        self._logs = logs
+    def __init__(
+        self,
+        logs: Path,
+        domain: int,
+        namespace: str = "",
+        parameter_file: Path | None = None,
+        *,
+        patience_s: float = PATIENCE_S,
+        environment: Mapping[str, str] = os.environ,
+    ) -> None:
+        """logs: folder for the output of the nodes, one file each. patience_s: s between asking a node to end and
+        ending it by force. environment: variables of the nodes; those of the middleware are added."""
+        self._logs, self._patience_s = logs, patience_s
         self._logs.mkdir(parents=True, exist_ok=True)
         self._arguments = ["-r", f"__ns:=/{namespace.strip('/')}"] if namespace.strip("/") else []
         if parameter_file is not None:
             self._arguments += ["--params-file", str(parameter_file)]
         self._environment = {
-            **os.environ,
+            **environment,
             "ROS_DOMAIN_ID": str(domain),
             "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
             "PYTHONUNBUFFERED": "1",
@@ -90,7 +101,7 @@ class Suite:
                 stderr=subprocess.STDOUT,
                 env=self._environment,
                 start_new_session=True,  # Ctrl-C is ours: the nodes are asked to end in order
-                preexec_fn=end_with_parent,
+                preexec_fn=partial(end_with_parent, os.getpid()),
             )
 
     def end(self, name: str, how: signal.Signals = signal.SIGINT) -> int:
@@ -98,7 +109,7 @@ class Suite:
         process = self.processes.pop(name)
         process.send_signal(how)
         try:
-            return process.wait(PATIENCE_S)
+            return process.wait(self._patience_s)
         except subprocess.TimeoutExpired:
             process.kill()
             return process.wait()
@@ -131,7 +142,7 @@ class Suite:
         for _name, process in order:
             if process.poll() is None:
                 process.send_signal(signal.SIGINT)
-        deadline = time.monotonic() + PATIENCE_S
+        deadline = time.monotonic() + self._patience_s
         for _name, process in order:
             try:
                 process.wait(max(deadline - time.monotonic(), 0.0))
@@ -180,6 +191,9 @@ def _end_claims() -> None:
         _claims.popleft().close()
 
 
-def end_with_parent() -> None:
-    """For a process that was just started: it ends with the one that started it."""
+def end_with_parent(parent: int) -> None:
+    """For a process that was just started: it ends with the one that started it, whose number is given, or at once if
+    that one is gone."""
     ctypes.CDLL(None, use_errno=True).prctl(_DIE_WITH_PARENT, signal.SIGKILL)
+    if os.getppid() != parent:  # it ended before it could be followed
+        os._exit(1)

@@ -5,14 +5,18 @@ from __future__ import annotations
 import multiprocessing
 import os
 import pickle
+import signal
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from functools import partial
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from time import monotonic
+from types import FrameType
 from typing import NamedTuple
 
 from irsbot_supervisor.fleet.cluster import Cluster, JobFailed, run
@@ -21,6 +25,9 @@ from irsbot_supervisor.validation.harness.rows import Entry, Job, Row
 
 TELL_S = 0.2
 """s between two messages about the progress of a row."""
+
+PATIENCE_S = 60.0
+"""s for which an interrupted row may end its nodes and remove its files, before it is ended by force."""
 
 Progress = Callable[[str, int], None]
 """Called with the name of a row and the number of cases done since the last call."""
@@ -60,8 +67,12 @@ def run_rows(orders: Sequence[Order], workers: int, progress: Progress) -> Itera
                 del running[ready]
                 yield stated or _broken(order, f"the process of the row ended with exit code {process.exitcode}")
     finally:
-        for connection, (process, _order) in running.items():
+        for process, _order in running.values():
             process.terminate()
+        deadline = monotonic() + PATIENCE_S
+        for connection, (process, _order) in running.items():
+            process.join(max(deadline - monotonic(), 0.0))
+            process.kill()
             process.join()
             connection.close()
 
@@ -84,7 +95,7 @@ def run_row(order: Order) -> Row:
         done = subprocess.run(
             [sys.executable, "-c", _IN_A_PROCESS, stated, found],
             env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-            preexec_fn=end_with_parent,
+            preexec_fn=partial(end_with_parent, os.getpid()),
         )
         if done.returncode:
             return _broken(order, f"the process of the row ended with exit code {done.returncode}")
@@ -111,8 +122,13 @@ def _hear(connection: Connection) -> int | Row | None:
 
 
 def _work(order: Order, connection: Connection) -> None:
-    """One row, in its own process, which ends with the command."""
-    end_with_parent()
+    """One row, in its own process, which ends with the command. A signal interrupts it: it cleans up and says
+    nothing."""
+    command = multiprocessing.parent_process()
+    assert command is not None, "a row has a process of its own"
+    end_with_parent(command.pid or 0)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, _interrupt)
     pending, told_s = 0, monotonic()
 
     def tell(cases: int) -> None:
@@ -122,9 +138,16 @@ def _work(order: Order, connection: Connection) -> None:
             connection.send(pending)
             pending, told_s = 0, monotonic()
 
-    row = _row_of(order, tell)
-    connection.send(row)
+    with suppress(KeyboardInterrupt):
+        connection.send(_row_of(order, tell))
     connection.close()
+
+
+def _interrupt(_number: int, _frame: FrameType | None) -> None:
+    """The first signal interrupts a row; none interrupts its cleaning up."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_IGN)
+    raise KeyboardInterrupt
 
 
 def _row_of(order: Order, tell: Callable[[int], None]) -> Row:

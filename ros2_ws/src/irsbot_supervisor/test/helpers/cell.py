@@ -167,7 +167,7 @@ class Cell:
         )
         self.node.create_timer(PERIOD_S, self._speak)
         wire.executor.add_node(self.node)
-        self.suite = Suite(wire.logs / (namespace or "alone"), wire.domain, namespace)
+        self.suite = Suite(wire.logs / (namespace or "alone"), wire.domain, namespace, patience_s=PATIENCE_S)
         self.supervisor = Node("supervisor", module, LAZY | parameters)
         self.suite.start(self.supervisor)
         wire.cells.append(self)

@@ -7,8 +7,10 @@ import re
 import signal
 import subprocess
 import sys
+from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from threading import Thread
 
 import psutil
 
@@ -22,13 +24,16 @@ def process(*words: str, until: str) -> Iterator[tuple[subprocess.Popen[str], st
     with subprocess.Popen(
         command, stderr=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": PATH}
     ) as started:
+        assert started.stderr is not None
+        reader = Thread(target=deque, args=(started.stderr, 0), daemon=True)  # so that no full pipe stops them
         try:
-            assert started.stderr is not None
-            yield started, next(line for line in started.stderr if until in line)
+            ready = next(line for line in started.stderr if until in line)
+            reader.start()
+            yield started, ready
         finally:
-            family = psutil.Process(started.pid).children(recursive=True) if started.poll() is None else []
-            for one in (*family, started):
-                one.kill()
+            _kill(started)
+            if reader.ident is not None:
+                reader.join()
 
 
 @contextmanager
@@ -50,10 +55,20 @@ def once(act: Callable[[], None], when: int) -> Callable[[int, int], None]:
     return lambda done, _total: left.pop()() if done >= when and left else None
 
 
+def _kill(started: subprocess.Popen[str]) -> None:
+    """End a process, then its descendants: some of them end by themselves when another one does."""
+    family: list[psutil.Process] = []
+    with suppress(psutil.NoSuchProcess):
+        family += psutil.Process(started.pid).children(recursive=True) if started.poll() is None else []
+    started.kill()
+    for one in family:
+        with suppress(psutil.NoSuchProcess):
+            one.kill()
+
+
 def kill_family(nanny: subprocess.Popen[str]) -> None:
     """End a nanny and its worker, so that nobody starts another one."""
-    for one in (psutil.Process(nanny.pid), *psutil.Process(nanny.pid).children(recursive=True)):
-        one.send_signal(signal.SIGKILL)
+    _kill(nanny)
 
 
 def kill_worker(nanny: subprocess.Popen[str]) -> None:

@@ -1,4 +1,5 @@
-"""Fakes in place of the supervisor, for tests of what attacks it: one that holds, one that never stops, a timid one."""
+"""Fakes in place of the supervisor, for tests of what attacks it: one that holds, one that never stops, a timid one, a
+hesitant one."""
 
 from __future__ import annotations
 
@@ -80,3 +81,25 @@ class FakeLenientSupervisor(Supervisor):
         if verdict is not None and verdict.level == Level.STOP:
             verdict = verdict._replace(level=Level.WARN)
         return step._replace(verdict=verdict)
+
+
+class FakeHesitantSupervisor(Supervisor):
+    """The supervisor, which tells no stop for the first samples after it is due, once motion was allowed."""
+
+    silent = 100
+    """Samples for which it does not."""
+
+    def __init__(self, settings: Settings, robot: Robot) -> None:
+        super().__init__(settings, robot)
+        self._told: Any = None
+        self._allowed = False
+
+    def step(self, event: Any, report: bool = True) -> Any:
+        step = super().step(event, report)
+        self._told = step.verdict or self._told
+        stops = self._told is None or self._told.level > Level.WARN
+        self._allowed = self._allowed or not stops
+        if self._allowed and stops and self.silent:
+            self.silent -= 1
+            return step._replace(verdict=None)
+        return step._replace(verdict=self._told)

@@ -42,6 +42,8 @@ LATCHED = 0.3
 """Share of the changes during a latched stop."""
 HARMLESS = ("load_force_n", "payload_kg", "load_moment_nm", "gravity_m_s2", "reaction_limit_n")
 """Settings of which every value in the range is valid, so that half of the changes should be accepted."""
+LEAST_OF_EACH = 0.1
+"""1: least share of changes that are accepted, and of those that are refused: else the other half was not tried."""
 
 
 def run(job: Job) -> Row:
@@ -61,6 +63,9 @@ def run(job: Job) -> Row:
         unsafe, failed = _configure(stream, values, tally)
         where = f"{ROBOTS[k % len(streams)]}, {values}"[:200]
         tally.case(unsafe and f"{where}: {unsafe}", failed and f"{where}: {failed}")
+    for answer in ("accepted", "refused"):
+        if not tally.figures[answer] >= LEAST_OF_EACH * job.amount:
+            tally.many(0, 1, f"only {tally.figures[answer]:.0f} of {job.amount} changes were {answer}")
     return tally.row()
 
 

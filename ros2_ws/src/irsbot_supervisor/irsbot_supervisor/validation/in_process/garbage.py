@@ -16,7 +16,7 @@ from irsbot_msgs_py.errors import CdrError
 from irsbot_msgs_py.records import JointSample, Level, SingularityState
 from irsbot_supervisor.validation.harness.motion import PERIOD_S, works
 from irsbot_supervisor.validation.harness.rows import Job, Row, Tally
-from irsbot_supervisor.validation.harness.stream import WARM_UP, InputStream
+from irsbot_supervisor.validation.harness.stream import PERIOD_NS, WARM_UP, InputStream
 
 NAME = "garbage"
 MUST = "right by name or rejected and counted, never an exception, never a NaN margin called OK"
@@ -33,7 +33,8 @@ are allowed."""
 FAR = 1e6
 """rad or m: farther than any joint."""
 PLAY = 2.0
-"""1: a position within this multiple of the motion at the velocity limit counts as motion."""
+"""Periods of motion at the velocity limit by which a position may be off and count as motion: one since the good sample
+before it, there and back."""
 
 Bad = Callable[[JointSample, np.random.Generator], JointSample]
 
@@ -94,7 +95,8 @@ def _try(stream: InputStream, kind: Bad, rng: np.random.Generator, tally: Tally)
         abs(q - true) / (limit * PERIOD_S)
         for q, true, limit in zip(stated, stream.position, stream.settings.velocity_limit, strict=True)
     )
-    if state.level <= Level.WARN and not off <= PLAY * BETWEEN:
+    ahead = max(sample.stamp_ns - stream.received_ns, 0) / PERIOD_NS  # a stamp that is younger leaves more time to move
+    if state.level <= Level.WARN and not off <= PLAY + ahead:
         return f"{state.level.name} although positions are {off * PERIOD_S:.3g} s at full speed off", ""
     if off == 0.0 and sample.stamp_ns == stream.received_ns:
         tally.add("right by name")

@@ -136,7 +136,7 @@ def _near_locus(
     put = Stand(robot, settings)
     allowed = put.stand(joints)
     verdict = put.verdict
-    assert verdict is not None, "sixty samples lead to a verdict"
+    assert verdict is not None, "a stand leads to a verdict"
     where = f"{away:.1e} from a locus {dict(zip(MARGINS, there.round(6).tolist(), strict=True))}, {put.stated}"
     wrong = not solved or _flipped(mode, settings)
     if allowed:
@@ -218,10 +218,9 @@ def _flip(robot: Robot, settings: Settings, start: Array, rng: np.random.Generat
     if not put.stand(tuple(start.tolist())):
         stated = f"a good posture is not allowed: {put.stated}"
         return ("", stated) if _can_be_stopped(robot, settings, start) else None
-    put.stand(tuple(flipped.tolist()))
-    assert put.verdict is not None, "sixty samples lead to a verdict"
-    if put.verdict.level <= Level.WARN:
-        return f"flipped, {put.stated}", ""
+    if put.stand(tuple(flipped.tolist())):
+        return f"flipped, and motion was allowed; at last {put.stated}", ""
+    assert put.verdict is not None, "a stand leads to a verdict"
     if not (put.verdict.latched and put.verdict.causes & Cause.BRANCH):
         return "", f"flipped, not latched for the branch: {put.stated}"
     visible = not _is_same(robot, settings, np.array([flipped]))[

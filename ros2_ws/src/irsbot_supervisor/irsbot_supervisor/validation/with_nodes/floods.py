@@ -96,8 +96,8 @@ def _fast(rate_hz: float) -> Flood:
 
 
 def _large(tester: Tester, seconds: int, tally: Tally) -> float:
-    """In addition to the robot, messages that are too large are published: they are never OK, and OK returns after
-    them."""
+    """In addition to the robot, messages that are too large are published: they stop the robot, memory is
+    bounded, and OK returns after them."""
     tester.suite.start(Node("flood", CALM.module, {"rate_hz": LARGE_HZ, "extra_joints": LARGE_JOINTS}))
     tester.until(lambda: tester.verdicts[-1].level > Level.WARN, "large messages are refused")
     peak = 0.0

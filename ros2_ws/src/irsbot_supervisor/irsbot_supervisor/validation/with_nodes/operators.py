@@ -53,12 +53,12 @@ AT_ONCE = 1000
 @contextmanager
 def _supervised(tally: Tally, pose: list[float], settings: dict[str, Any] | None = None) -> Iterator[Tester]:
     """A supervisor of a robot at rest; the row counts whether it is alive at the end."""
-    from irsbot_supervisor.validation.harness.client import Tester
+    from irsbot_supervisor.validation.harness.client import PATIENCE_S, Tester
 
     domain = free_domain()
     with (
         TemporaryDirectory(prefix="irsbot-operators-") as folder,
-        Suite(Path(folder), domain) as suite,
+        Suite(Path(folder), domain, patience_s=PATIENCE_S) as suite,
         Tester(suite, domain) as tester,
     ):
         suite.start(Node("supervisor", SUPERVISOR, settings or {}))
@@ -230,9 +230,9 @@ def _move_limits_away(tester: Tester) -> None:
     values = {f"{kind}_{what}": 0.01 for kind in ("type1", "type2", "constraint") for what in ("stop", "warn")}
     parameters = [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
     client = tester.client(SetParametersAtomically, "supervisor/set_parameters_atomically")
-    assert tester.ask(client, SetParametersAtomically.Request(parameters=parameters)).result.successful
     before = tester.verdicts[-1].config_hash
-    tester.until(lambda: tester.verdicts[-1].config_hash != before or tester.verdicts[-1].latched, "the new limits")
+    assert tester.ask(client, SetParametersAtomically.Request(parameters=parameters)).result.successful
+    tester.until(lambda: tester.verdicts[-1].config_hash != before, "the new limits")
     start = len(tester.verdicts)
     tester.until(lambda: len(tester.verdicts) > start + 20, "the causes have lapsed")
     assert tester.verdicts[-1].latched, f"a change of settings must not end a stop: {tester.verdicts[-1].text}"

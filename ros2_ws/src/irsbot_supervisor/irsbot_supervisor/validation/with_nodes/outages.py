@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
 import time
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from irsbot_msgs_py.cdr import decode_verdict
 from irsbot_msgs_py.records import Floats, Level
@@ -68,15 +69,6 @@ BYSTANDERS = ("recorder", "kinematics")
 """Nodes that supervision does not need."""
 
 
-class Gone(NamedTuple):
-    """A node after a signal."""
-
-    name: str
-    how: signal.Signals
-    at_ns: int  # system clock
-    steady_ns: int
-
-
 def run(job: Job) -> Row:
     """The row: a case is a node and a signal, in turn."""
     tally = Tally(NAME, job)
@@ -114,23 +106,28 @@ def _case(tally: Tally, folder: Path, name: str, how: signal.Signals) -> tuple[s
         tester.until(lambda: _moves(tester, fastest), "a robot that moves")
         process = suite.processes[name]
         tester.forget()
-        gone = Gone(name, how, time.time_ns(), time.monotonic_ns())
+        gone_ns = _struck(process, how)
         if how == signal.SIGKILL:
             suite.end(name, how)
-        else:
-            process.send_signal(how)
         tester.look(WATCHED_S)
         noticed, live = _noticed(tester), len(tester.verdicts)
         failed = _come_back(tally, tester, process.pid) if how == signal.SIGSTOP else ""
     recording = read_recording(folder / "bag")
     judges: dict[str, Callable[[], tuple[str, str]]] = {
-        "supervisor": lambda: _stands(tally, recording, gone),
-        "simulated_joints": lambda: _told(tally, recording, gone, live),
+        "supervisor": lambda: _stands(tally, recording, gone_ns),
+        "simulated_joints": lambda: _told(tally, recording, gone_ns, live),
     }
     unsafe, fault = judges.get(name, lambda: ("", ""))()
     if name in BYSTANDERS:
         fault = noticed
     return unsafe, failed or fault
+
+
+def _struck(process: subprocess.Popen[bytes], how: signal.Signals) -> int:
+    """Send a signal; returns a time, ns of the system clock, after which the node does nothing more. If this process
+    pauses in between, the time is late: the robot then seems to stand sooner, never later."""
+    process.send_signal(how)
+    return time.time_ns()
 
 
 def _moves(tester: Tester, fastest: Floats) -> bool:
@@ -161,41 +158,41 @@ def _come_back(tally: Tally, tester: Tester, pid: int) -> str:
     return ""
 
 
-def _stands(tally: Tally, recording: Recording, gone: Gone) -> tuple[str, str]:
+def _stands(tally: Tally, recording: Recording, gone_ns: int) -> tuple[str, str]:
     """Without verdicts the robot brakes after its time-out and stands."""
     settings, _robot = read_settings("irsbot2")
     braking_s = max(v / a for v, a in zip(settings.velocity_limit, settings.deceleration_limit, strict=True))
     limit_s = Simulation().verdict_timeout_s + braking_s + PERIODS_S
-    after = [s for s in recording.samples if gone.at_ns < s.stamp_ns < gone.at_ns + WATCHED_S * NS_PER_S]
+    after = [s for s in recording.samples if gone_ns < s.stamp_ns < gone_ns + WATCHED_S * NS_PER_S]
     moving = [sample.stamp_ns for sample in after if any(sample.velocity)]
     if not moving:
         return "", f"{NOTHING}, no motion was recorded after the supervisor went: {len(after)} joint states in the bag"
-    stood_s = (moving[-1] - gone.at_ns) / NS_PER_S
+    stood_s = (moving[-1] - gone_ns) / NS_PER_S
     tally.largest(STAND_S, stood_s)
-    stamps = [gone.at_ns, *[sample.stamp_ns for sample in after if sample.stamp_ns <= moving[-1]]]
+    stamps = [gone_ns, *[sample.stamp_ns for sample in after if sample.stamp_ns <= moving[-1]]]
     limit_s += sum(max((b - a) / NS_PER_S - PERIODS_S, 0.0) for a, b in pairwise(stamps))
     return ("" if stood_s <= limit_s else f"still moving {stood_s:.3f} s later, limit {limit_s:.3f} s"), ""
 
 
-def _told(tally: Tally, recording: Recording, gone: Gone, live: int) -> tuple[str, str]:
+def _told(tally: Tally, recording: Recording, gone_ns: int, live: int) -> tuple[str, str]:
     """Without joint states the verdict is UNKNOWN, within the stale limit and a heartbeat of the last one that arrived:
     a sample that waited on a busy machine was sent before the signal. Times are those of the publisher. A supervisor
     that is silent before it has to say UNKNOWN, and stays so, has no processor time; its silence also stops the robot.
     live: verdicts that another listener received."""
     settings, _robot = read_settings("irsbot2")
-    end_ns = gone.at_ns + round(WATCHED_S * NS_PER_S)
-    said = [one for one in _published(recording.path) if gone.at_ns < one[0] < end_ns]
+    end_ns = gone_ns + round(WATCHED_S * NS_PER_S)
+    said = [one for one in _published(recording.path) if gone_ns < one[0] < end_ns]
     if live and not said:
         return "", f"{NOTHING}, the recorder missed the {live} verdicts that another listener heard"
     if not any(level == Level.UNKNOWN for _sent_ns, level in said):
-        if deaf := _unrecorded(recording, gone.at_ns, end_ns):
+        if deaf := _unrecorded(recording, gone_ns, end_ns):
             return "", f"{NOTHING}, the recorder missed {deaf} verdicts that were published"
-        last_s = (max((sent_ns for sent_ns, _level in said), default=gone.at_ns) - gone.at_ns) / NS_PER_S
+        last_s = (max((sent_ns for sent_ns, _level in said), default=gone_ns) - gone_ns) / NS_PER_S
         if last_s < settings.stale_s:
             return "", f"{NOTHING}, the supervisor was silent from {last_s:.3f} s after the signal on"
         return "", f"no verdict UNKNOWN among the {len(said)} of {WATCHED_S} s after the joint states ended"
     good = [state.received_ns for state in recording.states if state.level < Level.STOP and state.received_ns < end_ns]
-    arrived_ns = max(gone.at_ns, *good)
+    arrived_ns = max(gone_ns, *good)
     last_ns = max((sent_ns for sent_ns, level in said if level < Level.STOP), default=arrived_ns)
     last_s = (last_ns - arrived_ns) / NS_PER_S
     tally.largest(TO_STOP_S, last_s)

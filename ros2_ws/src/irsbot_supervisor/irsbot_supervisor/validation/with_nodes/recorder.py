@@ -15,12 +15,13 @@ from typing import NamedTuple
 
 from mcap.data_stream import ReadDataStream
 from mcap.reader import make_reader
-from mcap.records import Chunk, Message
-from mcap.stream_reader import breakup_chunk
+from mcap.records import Chunk, DataEnd, Message
+from mcap.stream_reader import StreamReader, breakup_chunk
 
 from irsbot_msgs_py.records import Cause, JointSample, SingularityState, unknown_state
 from irsbot_supervisor.bag.bag_writer import BagWriter
 from irsbot_supervisor.bag.errors import BagError
+from irsbot_supervisor.bag.loss import Loss
 from irsbot_supervisor.bag.salvage import salvage
 from irsbot_supervisor.validation.harness.rows import Job, Row, Tally
 
@@ -97,12 +98,16 @@ def make_bag(path: Path, milliseconds: int) -> list[Piece]:
 
 
 def cut(tally: Tally, bag: Path, pieces: list[Piece], offsets: list[int], scratch: Path) -> None:
-    """The file ends at each of the offsets: exactly the chunks before it must be recovered."""
-    whole = bag.read_bytes()
+    """The file ends at each of the offsets: exactly the chunks before it must be recovered. That a file was not closed
+    must be said if it ends before its data does, and that a place is unreadable if it ends inside a chunk."""
+    whole, data_end = bag.read_bytes(), _data_end(bag)
     total = sum(len(piece.lines) for piece in pieces)
     for offset in offsets:
         must = [line for piece in pieces if piece.end <= offset for line in piece.lines]
-        found, fault = _come_back(whole[:offset], scratch, must, [])
+        inside = any(piece.start < offset < piece.end for piece in pieces)
+        found, fault, loss = _come_back(whole[:offset], scratch, must, [])
+        if loss is not None and not (loss.cut == (offset < data_end) and loss.places >= inside):
+            fault = fault or f"what is said to be lost: {loss}"
         _count(tally, found, total, f"cut at {offset} of {len(whole)}: {fault}" if fault else "")
 
 
@@ -122,7 +127,7 @@ def flip(
         damaged[at] ^= 1 << bit
         hit = [line for piece in pieces if piece.start <= at < piece.end for line in piece.lines]
         must = [line for piece in pieces if not piece.start <= at < piece.end for line in piece.lines]
-        found, fault = _come_back(bytes(damaged), scratch, must, hit)
+        found, fault, _loss = _come_back(bytes(damaged), scratch, must, hit)
         _count(tally, found, total, f"bit {bit} of byte {at} of {end}: {fault}" if fault else "")
 
 
@@ -132,26 +137,27 @@ def _count(tally: Tally, found: int, total: int, fault: str) -> None:
     tally.case(failed=fault)
 
 
-def _come_back(damaged: bytes, scratch: Path, must: list[Line], may: list[Line]) -> tuple[int, str]:
-    """Number of recovered messages, and the fault if a required message is missing or a foreign one appears."""
+def _come_back(damaged: bytes, scratch: Path, must: list[Line], may: list[Line]) -> tuple[int, str, Loss | None]:
+    """Number of recovered messages, the fault if a required message is missing or a foreign one appears, and what is
+    said to be lost; None if the file is refused."""
     source, target = scratch / "damaged.mcap", scratch / "saved"
     source.write_bytes(damaged)
     shutil.rmtree(target, ignore_errors=True)
     try:
         saved = salvage(source, target)
     except BagError as error:
-        return 0, f"refused: {error}" if must else ""
+        return 0, f"refused: {error}" if must else "", None
     found = list(lines_of(target / "saved_0.mcap"))
     missing = len(must) + len(may) - len(found)
     if found not in (must, _merged(must, may)):
-        return len(found), f"{len(found)} messages came back, {len(must)} must and {len(may)} may"
-    if rosbags_count(target) != len(found) or saved.messages != len(found):
-        return len(found), "rosbags counts differently"
-    if saved.loss.exact and saved.loss.messages != missing:
-        return len(found), f"{saved.loss.messages} counted as lost, {missing} are"
-    if missing and not saved.loss:
-        return len(found), f"{missing} are lost, and nothing is said"
-    return len(found), ""
+        fault = f"{len(found)} messages came back, {len(must)} must and {len(may)} may"
+    elif rosbags_count(target) != len(found) or saved.messages != len(found):
+        fault = "rosbags counts differently"
+    elif saved.loss.exact and saved.loss.messages != missing:
+        fault = f"{saved.loss.messages} counted as lost, {missing} are"
+    else:
+        fault = f"{missing} are lost, and nothing is said" if missing and not saved.loss else ""
+    return len(found), fault, saved.loss
 
 
 def _merged(must: list[Line], may: list[Line]) -> list[Line]:
@@ -173,6 +179,15 @@ def _pieces(path: Path) -> Iterator[Piece]:
                 if isinstance(message, Message)
             ]
             yield Piece(index.chunk_start_offset, index.chunk_start_offset + index.chunk_length, lines)
+
+
+def _data_end(path: Path) -> int:
+    """Offset behind the record that closes the data; only indices follow."""
+    with path.open("rb") as stream:
+        for record in StreamReader(stream, emit_chunks=True).records:
+            if isinstance(record, DataEnd):
+                return stream.tell()
+    raise AssertionError("the bag was closed")
 
 
 def lines_of(path: Path) -> Iterator[Line]:

@@ -12,7 +12,8 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -21,7 +22,7 @@ from irsbot_msgs_py.cdr import encode_joint_state, encode_state
 from irsbot_supervisor.bag.bag import Bag
 from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.bag.salvage import salvage
-from irsbot_supervisor.processes.suite import RECORDER, SuiteError, free_domain
+from irsbot_supervisor.processes.suite import RECORDER, SuiteError, end_with_parent, free_domain
 from irsbot_supervisor.validation.harness.rows import Job, Row, Tally
 from irsbot_supervisor.validation.with_nodes.recorder import BACK, OF, TOPICS, lines_of, rosbags_count, spoken
 
@@ -70,7 +71,7 @@ def run_lack(job: Job) -> Row:
 
 def _read_only(domain: int) -> str:
     with _recorder(Path("/proc/bag"), domain) as recorder:  # where nobody may create anything, not even root
-        _, stated = recorder.communicate(timeout=PATIENCE_S)
+        stated = _end_of(recorder)
     if recorder.returncode != 2 or stated.count("\n") != 1 or "/proc/bag" not in stated:
         return f"exit code {recorder.returncode}: {stated}"
     return ""
@@ -79,37 +80,51 @@ def _read_only(domain: int) -> str:
 def _disk_full(folder: Path, domain: int) -> str:
     """A recorder whose files cannot grow beyond DISK_BYTES."""
     with _recorder(folder, domain, DISK_BYTES) as recorder:
-        try:
-            sent, _ended_ns = _record(recorder, folder, domain, lambda: recorder.poll() is not None)
-            _, stated = recorder.communicate(timeout=PATIENCE_S)
-        finally:
-            recorder.kill()
+        sent, _ended_ns = _record(recorder, folder, domain, lambda: recorder.poll() is not None)
+        stated = _end_of(recorder)
     if recorder.returncode != 1 or "cannot write" not in stated:
         return f"exit code {recorder.returncode}: {stated}"
     fault, last = _after_kill(folder, sent)
     return fault or ("" if last > 10 else "nothing was recorded before")
 
 
-def _recorder(folder: Path, domain: int, largest_file: int = resource.RLIM_INFINITY) -> subprocess.Popen[str]:
+def _end_of(recorder: subprocess.Popen[str]) -> str:
+    """What a recorder says until it ends. Raises SuiteError if it does not."""
+    try:
+        return recorder.communicate(timeout=PATIENCE_S)[1]
+    except subprocess.TimeoutExpired:
+        raise SuiteError(f"the recorder does not end in {PATIENCE_S:.0f} s") from None
+
+
+@contextmanager
+def _recorder(folder: Path, domain: int, largest_file: int = resource.RLIM_INFINITY) -> Iterator[subprocess.Popen[str]]:
+    """A recorder, which does not outlive the context or this process."""
+    parent = os.getpid()
+
+    def confine() -> None:
+        end_with_parent(parent)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (largest_file, largest_file))
+
     parameters = ("--ros-args", "--log-level", "fatal", "-p", f"output:={folder}", "-p", "reserve_mib:=0")
-    return subprocess.Popen(
+    with subprocess.Popen(
         [sys.executable, "-m", RECORDER, *parameters],
         env={**os.environ, "ROS_DOMAIN_ID": str(domain)},
         stdout=subprocess.DEVNULL,  # where the middleware prints that it has no shared memory
         stderr=subprocess.PIPE,
         text=True,
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (largest_file, largest_file)),
-    )
+        preexec_fn=confine,
+    ) as recorder:
+        try:
+            yield recorder
+        finally:
+            recorder.kill()
 
 
 def _record_and_kill(folder: Path, seconds: float, domain: int) -> tuple[list[int], int]:
     """Record our messages, then SIGKILL; returns the times at which each pair was sent, and at which the recorder was
     killed, ns."""
     with _recorder(folder, domain) as recorder:
-        try:
-            return _record(recorder, folder, domain, lambda: False, seconds)
-        finally:
-            recorder.kill()
+        return _record(recorder, folder, domain, lambda: False, seconds)
 
 
 def _record(
@@ -127,9 +142,12 @@ def _record(
         node = rclpy.create_node("robot", context=context)
         kinds = (JointState, SingularityStateMsg)
         publishers = [node.create_publisher(kind, topic, 1000) for kind, topic in zip(kinds, TOPICS, strict=True)]
+        deadline = time.monotonic() + PATIENCE_S
         while not all(publisher.get_subscription_count() for publisher in publishers):
             if recorder.poll() is not None:
                 raise SuiteError(f"the recorder ended with exit code {recorder.returncode}")
+            if time.monotonic() > deadline:
+                raise SuiteError(f"the recorder does not subscribe in {PATIENCE_S:.0f} s")
             time.sleep(0.01)
         sent = _publish(publishers, folder / f"{folder.name}_0.mcap", over, seconds)
         ended_ns = time.time_ns()

@@ -6,12 +6,16 @@ truth: which samples were good, when the last one came, and whether the robot mo
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import inf, isfinite, nan
 
 import numpy as np
 
 from irsbot_msgs_py.records import Reset
 from irsbot_msgs_py.stamps import NS_PER_S
+from irsbot_supervisor.core.events import Configure
+from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.validation.harness.oracle import MARGINS, margins
 from irsbot_supervisor.validation.harness.rows import Job, Row, Tally
 from irsbot_supervisor.validation.harness.stream import ROBOTS, WARM_UP, InputStream
 
@@ -22,6 +26,9 @@ EACH = 20
 """Number of resets for one supervisor before the next one."""
 SEEDS = (nan, inf, 0.0, 0.3, -0.8, 1e308)
 """m or rad: coordinates of seed poses."""
+ABOVE = (0.1, 0.9)
+"""1: where a stop limit lies between the margin of a posture and 1, lowest and highest."""
+TYPE2 = MARGINS.index("type2")
 SILENCE = 100
 """Longest silence in periods: the shipped stale limit is 50."""
 
@@ -33,6 +40,7 @@ class Watched:
         self.stream = InputStream(name, rng)
         self._good_ns: int | None = None  # when the last good sample came; None after a bad one
         self._rates: tuple[float, ...] = ()
+        self._active = False  # a margin is below its stop limit
         self.calm = False
         """True if nothing forbids a reset: the robot has stood for long, without a fault."""
 
@@ -40,7 +48,8 @@ class Watched:
         """One random event."""
         stream = self.stream
         self.calm = False
-        match int(rng.integers(6)):
+        self._end_cause()
+        match int(rng.integers(7)):
             case 0:
                 stream.lose_track()
                 self._well()
@@ -60,15 +69,39 @@ class Watched:
                 stream.advance()
                 stream.deliver([stream.sample()._replace(position=(nan,) * len(stream.position))])
                 self._good_ns = None
+            case 5:
+                stream.standing = True
+                stream.run(WARM_UP)
+                self._well()
+                self._begin_cause(rng)
             case _:
                 pass
 
+    def _begin_cause(self, rng: np.random.Generator) -> None:
+        """From now on a stop limit is above the margin of the posture."""
+        stream = self.stream
+        margin = float(margins(stream.robot, stream.settings, np.array([stream.position]))[0][TYPE2])
+        limit = margin + (1.0 - margin) * float(rng.uniform(*ABOVE))
+        self._configure(replace(stream.settings, type2_stop=limit, type2_warn=limit))
+        self._active = True
+
+    def _end_cause(self) -> None:
+        if self._active:
+            self._configure(self.stream.settings)
+            self._active = False
+
+    def _configure(self, settings: Settings) -> None:
+        stream = self.stream
+        stream.feed(Configure(stream.received_ns, stream.now_ns, settings))
+        stream.run(1)  # the limits judge samples
+        self._well()
+
     @property
     def may_be_reset(self) -> bool:
-        """True if a latched stop may be ended: the robot is known to stand."""
+        """True if a latched stop may be ended: no margin is below its stop limit, and the robot is known to stand."""
         stream, slow = self.stream, self.stream.settings.standstill_speed
         fresh = self._good_ns is not None and stream.now_ns - self._good_ns <= stream.settings.stale_s * NS_PER_S
-        return fresh and all(abs(rate) <= slow for rate in self._rates)
+        return not self._active and fresh and all(abs(rate) <= slow for rate in self._rates)
 
     def _well(self) -> None:
         self._good_ns, self._rates = self.stream.now_ns, self.stream.velocity

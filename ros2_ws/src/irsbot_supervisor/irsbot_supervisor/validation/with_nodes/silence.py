@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from irsbot_msgs_py.records import Level
+from irsbot_supervisor.consumer import TIMEOUT_S
 from irsbot_supervisor.processes.suite import SuiteError
 from irsbot_supervisor.validation.harness.rows import Job, Row, Tally
 from irsbot_supervisor.validation.with_nodes.silence_causes import CAUSES
@@ -29,16 +30,17 @@ LIMIT_S = 0.03
 """s between two verdicts, at the 99.9th percentile of the longest times of all cases."""
 
 JUDGED = 300
-"""Number of cases of a kind from which a 99.9th percentile is meaningful; with fewer cases times are not judged."""
+"""Number of cases of a kind from which a 99.9th percentile is meaningful; with fewer cases only silences at which a
+consumer brakes are judged, if they come with every try."""
 
 UNKNOWN = Level.UNKNOWN.name
-DEAF = "the listener was deaf"
+DEAF, SILENT = "the listener was deaf", "the supervisor was silent"
 RESTLESS = "ask while it stands"
 """In a refusal by a supervisor for which a robot that stands may have moved since the last sample."""
 
-TRIES, AGAIN = 3, (UNKNOWN, DEAF, RESTLESS)
+TRIES, AGAIN = 3, (UNKNOWN, DEAF, SILENT, RESTLESS)
 """Number of tries of a case, and the faults after which it is tried again: on a busy machine joint states may be
-late."""
+late, and a supervisor may have no processor time. Its silence counts in the percentiles all the same."""
 
 LOST = "verdicts that did not arrive"
 """Figure: lost verdicts. A publisher of latched verdicts keeps only the newest."""
@@ -83,36 +85,37 @@ def _case(cell: Cell, cause: str, provoke: Callable[[Cell], str], longest: list[
         cell.ear.take()
         before, begin_ns = cell.ear.last, time.time_ns()
         fault = provoke(cell)
+        end_ns = time.time_ns()
+        heard = [*before, *_heard_beyond(cell, end_ns)]
     except SuiteError as error:
         return f"{cause}: {error}: {cell.log.stated[-200:].decode()}"
-    end_ns = time.time_ns()
-    cell.tester.look(2.0 * cell.settings.heartbeat_s)
-    heard = [*before, *cell.ear.take()]
-    meanwhile = [one for one in heard if begin_ns < one.sent_ns < end_ns]
-    gaps = [b.sent_ns - a.sent_ns for a, b in pairwise(heard) if b.sent_ns > begin_ns and a.sent_ns < end_ns]
-    longest.append(max(gaps) * 1e-9 if gaps else (end_ns - begin_ns) * 1e-9)
     numbers = [one.verdict.sequence for one in heard]
-    if not meanwhile and end_ns - begin_ns > 10**9 * LIMIT_S:
-        longest.pop()
-        missed = _missed(cell, before)
-        if missed * cell.settings.heartbeat_s > LIMIT_S:
-            return f"{cause}: {DEAF}, {missed} verdicts were published that it did not receive"
-        return f"{cause}: no verdict in {(end_ns - begin_ns) * 1e-9:.3f} s"
-    tally.add(LOST, float(sum(b - a - 1 for a, b in pairwise(numbers))))
     if any(b <= a for a, b in pairwise(numbers)):
         return f"{cause}: verdicts {numbers} are not in sequence"
+    tally.add(LOST, float(sum(b - a - 1 for a, b in pairwise(numbers))))
+    silence_s, lost = max(
+        ((b.sent_ns - a.sent_ns) * 1e-9, b.verdict.sequence - a.verdict.sequence - 1)
+        for a, b in pairwise(heard)
+        if b.sent_ns > begin_ns and a.sent_ns < end_ns
+    )
+    if lost * cell.settings.heartbeat_s > LIMIT_S:
+        return f"{cause}: {DEAF}, {lost} verdicts were published that it did not receive"
+    longest.append(silence_s)
+    if silence_s > TIMEOUT_S:
+        return f"{cause}: {SILENT} for {silence_s:.3f} s"
+    meanwhile = [one for one in heard if begin_ns < one.sent_ns < end_ns]
     unknown = [one.verdict.text for one in meanwhile if one.verdict.level == Level.UNKNOWN]
     return f"{cause}: {UNKNOWN}, {unknown[0]} {fault}".rstrip() if unknown else fault
 
 
-def _missed(cell: Cell, before: list[Heard]) -> int:
-    """Number of verdicts between the last one before a silence and the first one after it: 0 if the supervisor itself
-    was silent."""
-    later: list[Heard] = []
+def _heard_beyond(cell: Cell, end_ns: int) -> list[Heard]:
+    """The verdicts since the last look, until one that was published after a time. Raises SuiteError if there is
+    none."""
+    heard: list[Heard] = []
 
-    def heard() -> bool:
-        later.extend(one for one in cell.ear.take() if not before or one.sent_ns > before[-1].sent_ns)
-        return bool(later)
+    def spoke() -> bool:
+        heard.extend(cell.ear.take())
+        return bool(heard) and heard[-1].sent_ns > end_ns
 
-    cell.tester.until(heard, "a verdict after the silence")
-    return later[0].verdict.sequence - before[-1].verdict.sequence - 1 if before else 0
+    cell.tester.until(spoke, "a verdict after the event")
+    return heard

@@ -148,13 +148,13 @@ class Log:
 @contextmanager
 def supervised(name: str) -> Iterator[Cell]:
     """Start all nodes for a robot of this name; they end with the context."""
-    from irsbot_supervisor.validation.harness.client import Tester
+    from irsbot_supervisor.validation.harness.client import PATIENCE_S, Tester
 
     domain = free_domain()
     with (
         TemporaryDirectory(prefix="irsbot-silence-") as folder,
-        Suite(Path(folder) / "logs", domain) as suite,
-        Suite(Path(folder) / "others", domain, "others") as others,
+        Suite(Path(folder) / "logs", domain, patience_s=PATIENCE_S) as suite,
+        Suite(Path(folder) / "others", domain, "others", patience_s=PATIENCE_S) as others,
         Tester(suite, domain) as tester,
     ):
         log = Log(Path(folder) / "logs" / "supervisor.log")
