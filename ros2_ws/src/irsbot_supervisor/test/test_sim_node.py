@@ -313,12 +313,13 @@ def iter_until(lines: Iterable[str], words: str) -> Iterator[str]:
             return
 
 
-@pytest.mark.parametrize("parameters", [[], ["--ros-args", "-p", "use_sim_time:=true"]])  # with a clock that stands
-def test_joints_that_hear_no_supervisor_say_once_where_they_listen(parameters):
+@pytest.mark.parametrize("simulated", ["false", "true"])  # the simulated clock stands
+def test_joints_that_hear_no_supervisor_say_once_where_they_listen(simulated):
     """A supervisor of another name says its verdicts elsewhere."""
     environment = {**os.environ, "ROS_DOMAIN_ID": str(free_domain())}
     pipe = subprocess.PIPE
-    command = [sys.executable, "-c", LONELY, *parameters]
+    given = ["--ros-args", "-p", "listeners:=1", "-p", f"use_sim_time:={simulated}"]
+    command = [sys.executable, "-c", LONELY, *given]
     with subprocess.Popen(command, stderr=pipe, text=True, env=environment) as process:
         assert process.stderr is not None
         lines = list(iter_until(process.stderr, "1 are expected"))
