@@ -87,12 +87,12 @@ def _row(numbers: Iterable[float]) -> str:
     return " ".join(map(repr, numbers))
 
 
-def joint_ranges(text: str, names: Sequence[str]) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Lowest and highest positions, rad or m, of joints in a URDF. Raises BadInput for text that is not URDF, for a
-    missing joint, and for one without limits."""
+def joint_ranges(text: str | bytes, names: Sequence[str]) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Lowest and highest positions, rad or m, of joints in a URDF. text: bytes are read in the encoding that they
+    state. Raises BadInput for text that is not URDF, for a missing joint, and for one without limits."""
     try:
         root = ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
+    except (ElementTree.ParseError, ValueError) as error:  # ValueError: an encoding that the parser does not have
         raise BadInput(f"not XML: {error}") from None
     found = {joint.get("name"): joint.find("limit") for joint in root.findall("joint")}  # others only refer to them
     ranges = []

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import Annotated, Any
-from xml.etree import ElementTree
 
 import typer
 import yaml
@@ -104,11 +103,11 @@ def limits(
 
 def _ranges(description: Path, names: list[str]) -> list[Proposal]:
     """The ranges of the joints as settings. Raises BadInput, OSError."""
+    text = existing(description, "the URDF").read_bytes()
     try:
-        tree = ElementTree.fromstring(existing(description, "the URDF").read_bytes())  # in the encoding that it states
-    except (ElementTree.ParseError, ValueError) as error:  # ValueError: an encoding that the parser does not have
-        raise BadInput(f"{description}: not XML: {error}") from None
-    lower, upper = joint_ranges(ElementTree.tostring(tree, encoding="unicode"), names)
+        lower, upper = joint_ranges(text, names)
+    except BadInput as error:
+        raise BadInput(f"{description}: {error}") from None
     why = f"as {description.name} has it"
     return [Proposal("position_lower", lower, why), Proposal("position_upper", upper, why)]
 

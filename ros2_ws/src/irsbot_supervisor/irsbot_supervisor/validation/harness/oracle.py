@@ -38,6 +38,9 @@ WIDEST = 4.0
 STAMP_JITTER_S = 5e-5
 """s: error of a stamp if the settings do not state it: a sender without real-time priority."""
 
+ROUNDING = 1e-9
+"""1: a margin that is below its limit by less than this has not crossed it."""
+
 NEAR = 0.02
 """rad, or share of `length_m`: largest joint motion between two steps along a branch that has to be followed."""
 

@@ -11,9 +11,9 @@ import numpy as np
 from irsbot_kinematics import Robot
 from irsbot_supervisor.configuration.loading import read_settings
 from irsbot_supervisor.core.settings import Settings
-from irsbot_supervisor.validation.harness.oracle import supervised
+from irsbot_supervisor.validation.harness.oracle import ROUNDING, supervised
 from irsbot_supervisor.validation.harness.rows import Job, Row, Tally
-from irsbot_supervisor.validation.in_process.assault import CLOSE, ROUNDING, Outcome, Run
+from irsbot_supervisor.validation.in_process.assault import CLOSE, Outcome, Run
 from irsbot_supervisor.validation.in_process.deceit import ERRORS, LIES
 from irsbot_supervisor.validation.in_process.edges import Edge, edges
 from irsbot_supervisor.validation.in_process.hostile import Push

@@ -20,7 +20,15 @@ from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.configuration.loading import read_settings
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.core.supervisor import Supervisor
-from irsbot_supervisor.validation.harness.oracle import MARGINS, Array, good_postures, limits, margins_along, supervised
+from irsbot_supervisor.validation.harness.oracle import (
+    MARGINS,
+    ROUNDING,
+    Array,
+    good_postures,
+    limits,
+    margins_along,
+    supervised,
+)
 from irsbot_supervisor.validation.harness.rows import Job, Row, Tally
 
 NAME = "approach"
@@ -49,8 +57,6 @@ MOST_TRIED = 200
 """1: largest number of directions that are tried for each ramp."""
 FINE_STEPS = 500
 """Number of points along a run at which its margins are evaluated: about 0.5 ms apart."""
-ROUNDING = 1e-9
-"""1: a margin that is below its limit by less than this has not crossed it."""
 STARTS = 32
 """Number of postures that are searched at once."""
 

@@ -31,8 +31,6 @@ RAMPAGE_S = 0.05
 """s for which the joints are let loose if they are not stopped."""
 FINE_S = 2.5e-4
 """s between two evaluations of the true margins."""
-ROUNDING = 1e-9
-"""1: a margin that is below its limit by less than this has not crossed it."""
 CLOSE = 0.1
 """1: largest distance of the published margin from its stop limit, relative to it, for an attack that began close to
 the limit."""

@@ -23,6 +23,7 @@ from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.core.stopping import release_of
 from irsbot_supervisor.sim.closed_loop import GuidedRobot
 from irsbot_supervisor.validation.harness.oracle import (
+    ROUNDING,
     Array,
     followed,
     good_postures,
@@ -56,8 +57,6 @@ CLEAR_SLOPE = 0.02
 LOST = 0.003
 """1: what a margin may lose on the way out, of 0.15 that it has: a gate that keeps bounds over the way knows margins to
 about this, errors of the joints included."""
-ROUNDING = 1e-9
-"""1: a margin that is below its limit by less than this has not crossed it."""
 PROBES = (1e-5, 1e-3)
 """rad or m: steps of the differences. Away is where a margin grows from the first: where two legs are nearly equal, the
 other one may soon be the worst."""
