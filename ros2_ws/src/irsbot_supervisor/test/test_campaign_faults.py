@@ -437,12 +437,14 @@ def test_a_row_ends_with_a_command_that_is_killed(tmp_path: Path) -> None:
 
 
 UNTIDY_ROW = """
+import signal
 from threading import Event
 from tempfile import TemporaryDirectory
 from irsbot_supervisor.validation.harness.rows import Entry
 from irsbot_supervisor.validation.runner import Order, run_rows
 def untidy(job):
     with TemporaryDirectory() as folder:
+        MISS
         print(folder, flush=True)
         Event().wait()
 if __name__ == "__main__":
@@ -450,12 +452,23 @@ if __name__ == "__main__":
 """
 
 
-@pytest.mark.parametrize("interrupt", [os.kill, os.killpg], ids=["the command", "all, as Ctrl-C does"])
+MISS_A_SIGNAL = (
+    "meant = signal.getsignal(signal.SIGTERM); "
+    "signal.signal(signal.SIGTERM, lambda number, _: signal.signal(number, meant))"
+)
+"""Like a signal between Python's last look for signals and a system call that blocks: the call goes on."""
+
+
+@pytest.mark.parametrize(
+    ("interrupt", "miss"),
+    [(os.kill, "pass"), (os.killpg, "pass"), (os.kill, MISS_A_SIGNAL)],
+    ids=["the command", "all, as Ctrl-C does", "the command, and a signal is missed"],
+)
 def test_an_interrupted_row_removes_its_files_and_says_nothing(
-    tmp_path: Path, interrupt: Callable[[int, int], None]
+    tmp_path: Path, interrupt: Callable[[int, int], None], miss: str
 ) -> None:
     script = tmp_path / "untidy_row.py"
-    script.write_text(UNTIDY_ROW)
+    script.write_text(UNTIDY_ROW.replace("MISS", miss))
     command = subprocess.Popen(
         [sys.executable, str(script)],
         stdout=subprocess.PIPE,

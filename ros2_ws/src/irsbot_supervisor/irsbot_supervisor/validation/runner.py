@@ -67,13 +67,8 @@ def run_rows(orders: Sequence[Order], workers: int, progress: Progress) -> Itera
                 del running[ready]
                 yield stated or _broken(order, f"the process of the row ended with exit code {process.exitcode}")
     finally:
-        for process, _order in running.values():
-            process.terminate()
-        deadline = monotonic() + PATIENCE_S
-        for connection, (process, _order) in running.items():
-            process.join(max(deadline - monotonic(), 0.0))
-            process.kill()
-            process.join()
+        _end([process for process, _order in running.values()])
+        for connection in running:
             connection.close()
 
 
@@ -110,6 +105,22 @@ def serve(stated: str, found: str) -> None:
     """Read an order from a file, write its row to another."""
     row = _row_of(pickle.loads(Path(stated).read_bytes()), lambda _cases: None)
     Path(found).write_bytes(pickle.dumps(row))
+
+
+def _end(rows: Sequence[SpawnProcess]) -> None:
+    """Interrupt rows, and end by force what does not end in time.
+
+    They are interrupted again and again: a signal that comes between Python's last look for signals and a system call
+    that blocks does not wake that call.
+    """
+    deadline = monotonic() + PATIENCE_S
+    while (left := [process for process in rows if process.is_alive()]) and monotonic() < deadline:
+        for process in left:
+            process.terminate()
+        wait([process.sentinel for process in left], TELL_S)
+    for process in rows:
+        process.kill()
+        process.join()
 
 
 def _hear(connection: Connection) -> int | Row | None:
