@@ -118,7 +118,7 @@ def test_rods_of_any_place_and_motion_stay_within_the_bounds_of_a_box(platform, 
     """Near ends and lengths anywhere within their bounds, all corners, and where the Type 2 margin falls fastest."""
     rng, (n, m) = np.random.default_rng(32), PLATFORMS[platform]
     others, promised, used = 12, 0, np.zeros(3)
-    for _ in range(150 if m < n > 3 else 50):
+    for _ in range(200 if m < n > 3 else 50):
         box = random_box(rng, n, m, way)
         machine = box.machine
         stated = reached(machine.posture, box.rods(), box.arm)

@@ -63,9 +63,12 @@ if TYPE_CHECKING:
     from irsbot_kinematics.mechanism import Floats, Posture
 
 WIDER = 1.2
-"""1: factor of the room for fourth-order terms over its guess."""
+"""1: factor of the room, over its guess, for which the change of the Jacobian is computed."""
 BOXES = 4
 """Number of guesses; if none holds, the box of joints is so large that a cut is better."""
+INSIDE = 1e-6
+"""1: share of (1 - rows)^-1 room by which the room is larger, so that the bound is inside it in every coordinate, also
+in one that is displaced only because others are."""
 LEAST = 1e-100
 """m or rad: least size of the room, so that it has an interior."""
 
@@ -289,11 +292,14 @@ class _Platform:
         sizes = [[abs(share) for share in shares] for shares in per]
         changes = [self._change(leg, rods[leg], pose[-1]) for leg in range(n)]
         shares = [[largest(combined(row, [change[e] for change in changes])) for e in range(m)] for row in per]
-        found: list[float] | None = start
+        guess = _solved(shares, start)
         for _ in range(BOXES):
-            if found is None or (found := _solved(self._with(shares, sizes, found), start)) is None:
+            if guess is None:
                 return None
-            room = [WIDER * x + LEAST for x in found]
+            rows = self._with(shares, sizes, [WIDER * x for x in guess])
+            if (guess := _solved(rows, start)) is None or (more := _solved(rows, guess)) is None:
+                return None
+            room = [x + INSIDE * y + LEAST for x, y in zip(guess, more, strict=True)]
             rows = self._with(shares, sizes, room)
             found = [x + _product(row, room) for x, row in zip(start, rows, strict=True)]
             if all(x < y for x, y in zip(found, room, strict=True)):

@@ -121,6 +121,6 @@ def cosine_and_sine(n: int, turn: Cubic) -> tuple[Cubic, Cubic]:
     square, most = squared(n, turn), largest(turn)
     cosine, sine = scaled(square, -0.5), minus(turn, scaled(multiplied(n, square, turn), 1.0 / 6.0))
     cosine[0] += 1.0
-    cosine[-1] += most**4 / 24.0
-    sine[-1] += most**5 / 120.0
+    cosine[-1] += most * most * most * most / 24.0
+    sine[-1] += most * most * most * most * most / 120.0
     return cosine, sine

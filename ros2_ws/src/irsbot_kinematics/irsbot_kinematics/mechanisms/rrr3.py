@@ -294,7 +294,7 @@ class Rrr3(TurningPlatform):
         rods = []
         for lever, reach, h in zip(at.levers, at.reach, travel, strict=True):
             rho = 2.0 * l - reach
-            growth, off = -lever * h, l * h**4 / 192.0 + length
+            growth, off = -lever * h, l * h * h * h * h / 192.0 + length
             rods.append(Rod(rho, (0.0, 0.0), ends, growth, off, (), -0.125 * rho * h * h, (), -growth * h * h / 24.0))
         return rods
 
