@@ -32,6 +32,7 @@ GROUPS = {
         "irsbot_kinematics/bounds/displacement.py",
         "irsbot_kinematics/bounds/boxes.py",
         "irsbot_kinematics/bounds/quadratics.py",
+        "irsbot_kinematics/bounds/cubics.py",
         "irsbot_kinematics/bounds/sizes.py",
         "irsbot_kinematics/bounds/type2_over_box.py",
         "irsbot_kinematics/mechanisms/[a-z]*.py",

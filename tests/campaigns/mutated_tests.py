@@ -73,6 +73,7 @@ BOUNDS: dict[str, tuple[str, ...]] = {
     "displacement": ("displacement_inequalities", "bounds_derived", "displacement", "geometry_errors"),
     "boxes": ("box_rods", "boxes", "geometry_errors"),
     "quadratics": ("quadratics", "box_rods", "boxes"),
+    "cubics": ("cubics", "box_rods", "boxes"),
     "sizes": ("bounds_derived", "box_rods", "bounds_of_many", "boxes"),
     "type2_over_box": ("type2_over_box", "box_rods", "boxes", "geometry_errors"),
     "columns": ("bounds_of_many",),

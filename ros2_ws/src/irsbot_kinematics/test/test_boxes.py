@@ -165,9 +165,11 @@ def test_near_ends_and_lengths_of_rods_stay_within_the_bounds_of_a_box(name):
         bound = robot.mechanism.sharp_bounds(at, travel.tolist())
         assert bound.type2 == pytest.approx(met.type2 if met else 0.0, abs=1e-12)
         for i, rod in enumerate(rods):
-            curve = np.array(rod.curve or (0.0,) * len(rod.near))
-            off = np.linalg.norm(how.shift[:, i] - s[:, i, None] * rod.near - (s * s)[:, i, None] * curve, axis=1)
-            longer = np.abs(how.longer[:, i] - s[:, i] * rod.growth - (s * s)[:, i] * rod.growth_curve)
+            x, none = s[:, i, None], (0.0,) * len(rod.near)
+            ways = x * rod.near + x**2 * np.array(rod.curve or none) + x**3 * np.array(rod.third or none)
+            off = np.linalg.norm(how.shift[:, i] - ways, axis=1)
+            grown = x * rod.growth + x**2 * rod.growth_curve + x**3 * rod.growth_third
+            longer = np.abs(how.longer[:, i] - grown[:, 0])
             assert (off <= rod.aside + 1e-14).all()
             assert not straight or rod.aside == rod.growth_aside == 0.0
             assert (longer <= rod.growth_aside + 1e-14).all()

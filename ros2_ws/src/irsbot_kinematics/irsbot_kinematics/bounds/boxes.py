@@ -5,24 +5,25 @@ effects of all joints in all directions. Here every quantity is a polynomial of 
 certified remainder (`quadratics`): effects of several joints, or of one joint on several terms, can cancel.
 
 Setting. Rod i holds the platform point at arm c_i, w_i is the vector along it, L_i its length, C_i its near end. In the
-box C_i is near_i s_i + curve_i s_i^2 away, and at most aside_i from there; L_i is a polynomial in s_i, and at most
-growth_aside_i from there. With the platform moved by d and turned by t about z
+box C_i is near_i s_i + curve_i s_i^2 + third_i s_i^3 away, and at most aside_i from there; L_i is a polynomial in s_i,
+and at most growth_aside_i from there. With the platform moved by d and turned by t about z
 
     w_i = d + R(t) c_i - C_i(s_i),    F_i = (|w_i|^2 - L_i^2)/2 = 0
 
 Rows of the Jacobian of F are (w_i, (R c_i) x w_i); in the middle they are L_i times the screws A, so C = A^-1/L is its
 inverse there.
 
-1. The pose. One Newton step from 0 gives what is linear in the s_j, a second one the squares and products: p(s).
-   F(p(s)) is then small of third order. For any other pose x = p + r the mean value theorem says r = -C F(p) + (1 - C
-   J) r, with J the average of the Jacobian on the way from p to x. Let start >= |C F(p)|, shares >= |1 - C J| at p(s),
-   and farther(r) what C J changes by within r, half of it on the average of the way. A set |r| <= room with start +
-   (shares + farther(room)) room < room cannot be left: on any way from the posture to a point of the box the motion is
-   continuous, begins in it, and is never at its boundary. An error of a near end, aside_i, makes |w_i| differ from L_i
-   by as much, and is part of F. (Krawczyk's operator, applied to a polynomial.)
-2. The rods. The pose is p(s) plus an effect of known direction and size at most room in every coordinate: these
-   effects are kept like joints, to first order, because they act on all rods at once. That gives w_i seen from the
-   base, and, turned back by R(-t), seen from the platform, where only the rods turn and the arms do not.
+1. The pose. One Newton step from 0 gives what is linear in the s_j, a second one the squares and products, a third one
+   the products of three (`cubics`): p(s). F(p(s)) is then small of fourth order. For any other pose x = p + r the mean
+   value theorem says r = -C F(p) + (1 - C J) r, with J the average of the Jacobian on the way from p to x. Let start >=
+   |C F(p)|, shares >= |1 - C J| at p(s), and farther(r) what C J changes by within r, half of it on the average of the
+   way. A set |r| <= room with start + (shares + farther(room)) room < room cannot be left: on any way from the posture
+   to a point of the box the motion is continuous, begins in it, and is never at its boundary. An error of a near end,
+   aside_i, makes |w_i| differ from L_i by as much, and is part of F. (Krawczyk's operator, applied to a polynomial.)
+2. The rods. The pose is p(s) without the products of three joints, plus an effect of known direction in every
+   coordinate, at most as large as these products and room: these effects are kept like joints, to first order, because
+   they act on all rods at once. That gives w_i seen from the base, and, turned back by R(-t), seen from the platform,
+   where only the rods turn and the arms do not.
 3. Type 2 (`type2_over_box`). cos alpha_i is the sine of the angle between w_i and the line or plane across v_i, the
    cross product of the other rows, moments taken where leg i holds the platform: D = w_i . v_i, cos alpha_i =
    |D|/(|v_i| L_i). The lengths of the other rods cancel. v_i and D are products of the above. In the plane tan alpha_i
@@ -41,6 +42,8 @@ from operator import mul
 from typing import TYPE_CHECKING, NamedTuple
 
 from irsbot_kinematics import statics
+from irsbot_kinematics.bounds import cubics
+from irsbot_kinematics.bounds.cubics import Cubic, cube, cubic
 from irsbot_kinematics.bounds.quadratics import (
     Quadratic,
     besides,
@@ -60,9 +63,12 @@ if TYPE_CHECKING:
     from irsbot_kinematics.mechanism import Floats, Posture
 
 WIDER = 1.2
-"""1: factor of the room for third-order terms over its guess."""
+"""1: factor of the room, over its guess, for which the change of the Jacobian is computed."""
 BOXES = 4
 """Number of guesses; if none holds, the box of joints is so large that a cut is better."""
+INSIDE = 1e-6
+"""1: share of (1 - rows)^-1 room by which the room is larger, so that the bound is inside it in every coordinate, also
+in one that is displaced only because others are."""
 LEAST = 1e-100
 """m or rad: least size of the room, so that it has an interior."""
 
@@ -72,11 +78,13 @@ class Rod(NamedTuple):
 
     length: float
     near: Floats  # factor of s_i in the motion of its near end
-    aside: float  # how far the near end may be from there, the curve included
+    aside: float  # how far the near end may be from there, all factors included
     growth: float = 0.0  # s_i of this is how its length grows, to first order
     growth_aside: float = 0.0
     curve: Floats = ()  # factor of s_i^2 in the motion of its near end; none if left out
     growth_curve: float = 0.0
+    third: Floats = ()  # factor of s_i^3 in the motion of its near end; none if left out
+    growth_third: float = 0.0
 
 
 class Change(NamedTuple):
@@ -159,30 +167,43 @@ class _Platform:
         self.attachments = at.attachments if self.turning else ((0.0, 0.0),) * n
         self.aside = [rod.aside for rod in rods]
         self.near: list[list[Quadratic]] = []
+        self.places: list[list[Cubic]] = []
+        """Near ends, to third order."""
         self.drives: list[float] = []
         self.lengths: list[Quadratic] = []
         self.longest: list[float] = []
-        self.half: list[Quadratic] = []
-        """L^2/2, with what its error and that of the near end add to F."""
+        self.squares: list[Quadratic] = []
+        """L^2/2."""
+        self.half: list[Cubic] = []
+        """Likewise, to third order, with what its error and that of the near end add to F."""
         for i, rod in enumerate(rods):
-            ends, drive = [], rod.growth
+            ends, places, drive = [], [], rod.growth
             for d in range(dims):
                 end = self._constant(-rod.length * at.screws[i][d] + (self.attachments[i][d] if d < 2 else 0.0))
                 end[1 + i] = rod.near[d]
                 end[1 + n + i] = rod.curve[d] if rod.curve else 0.0
                 drive += at.screws[i][d] * rod.near[d]
+                place = cubic(n, end)
+                if rod.third:
+                    place[cube(n, i)] = rod.third[d]
+                    end[-1] = abs(rod.third[d])
                 ends.append(end)
+                places.append(place)
             length = self._constant(rod.length)
             length[1 + i], length[1 + n + i] = rod.growth, rod.growth_curve
-            half = scaled(multiplied(n, length, length), 0.5)
-            length[-1] = rod.growth_aside
+            squares = scaled(multiplied(n, length, length), 0.5)
+            half = cubic(n, length)
+            half[cube(n, i)] = rod.growth_third
+            half = scaled(cubics.squared(n, half), 0.5)
+            length[-1] = rod.growth_aside + abs(rod.growth_third)
             longest = largest(length)
-            half[-1] = abs(rod.growth * rod.growth_curve) + 0.5 * rod.growth_curve * rod.growth_curve
             half[-1] += rod.growth_aside * longest + (longest + 0.5 * rod.aside) * rod.aside
             self.near.append(ends)
+            self.places.append(places)
             self.drives.append(drive)
             self.lengths.append(length)
             self.longest.append(longest)
+            self.squares.append(squares)
             self.half.append(half)
 
     def vectors(self, pose: Sequence[Quadratic]) -> tuple[tuple[Quadratic, Quadratic] | None, list[list[Quadratic]]]:
@@ -204,33 +225,81 @@ class _Platform:
             for joint in range(n):
                 x[1 + joint] = inverse[joint][k] * self.drives[joint]
         first = self.vectors(pose)[1]
-        short = [minus(half, scaled(dot(n, rod, rod), 0.5)) for half, rod in zip(self.half, first, strict=True)]
+        short = [minus(half, scaled(dot(n, rod, rod), 0.5)) for half, rod in zip(self.squares, first, strict=True)]
         for x, shares in zip(pose, per, strict=True):
             second = combined(shares, short)
             for place in range(1 + n, polynomial(n)):
                 x[place] = second[place]
-        room = self._rest(pose, per)
+        third, start = self._third(pose, per)
+        found = [list(x) for x in pose]
+        for x, size in zip(found, third, strict=True):
+            x[-1] = size
+        room = self._rest(found, per, start)
         if room is None:
             return None
         for k, x in enumerate(pose):
-            x[polynomial(n) + k] = room[k]
+            x[polynomial(n) + k] = third[k] + room[k]
         return pose
 
-    def _rest(self, pose: Sequence[Quadratic], per: Sequence[Sequence[float]]) -> list[float] | None:
-        """(m,) bound of the residual of the pose, displacement and turn; None if there is no bound."""
+    def _third(self, pose: Sequence[Quadratic], per: Sequence[Sequence[float]]) -> tuple[list[float], list[float]]:
+        """(m,) sizes of the terms of third degree that a third Newton step adds to the pose, and bounds of |C F| with
+        them: their first-order effect removes the terms of third degree of F, and what else they do is bounded."""
+        n, places = self.n, cubics.third_degree(self.n)
+        errors, moved = self._errors([cubic(n, x) for x in pose])
+        third, start = [], []
+        for shares in per:
+            misfit = combined(shares, errors)
+            size = 0.0
+            for place in places:
+                size += abs(misfit[place])
+                misfit[place] = 0.0
+            third.append(size)
+            start.append(largest(misfit))
+        turn, whole = third[-1], largest(pose[-1])
+        for leg, (length, ahead, (x, y)) in enumerate(zip(self.at_rest, moved, self.attachments, strict=True)):
+            steps, bend = third[: self.dims], 0.0
+            if self.turning:
+                steps[0] += abs(y) * turn
+                steps[1] += abs(x) * turn
+                bend = hypot(x, y) * turn * (whole + 0.5 * turn)
+            farther = hypot(*steps) + bend
+            error = _product(ahead, steps) + (length + hypot(*ahead)) * bend + 0.5 * farther * farther
+            for k, shares in enumerate(per):
+                start[k] += abs(shares[leg]) * error
+        return third, start
+
+    def _errors(self, pose: Sequence[Cubic]) -> tuple[list[Cubic], list[list[float]]]:
+        """F of every leg to third order, and how far its rod changes as a vector, m."""
+        n, errors, moved = self.n, [], []
+        turned = cubics.cosine_and_sine(n, pose[-1]) if self.turning else None
+        for near, half, (ax, ay) in zip(self.places, self.half, self.attachments, strict=True):
+            rod = [minus(pose[d], near[d]) for d in range(self.dims)]
+            if turned is not None:
+                rod[0] = plus(rod[0], combined((ax, -ay), turned))
+                rod[1] = plus(rod[1], combined((ay, ax), turned))
+            size = cubics.squared(n, rod[0])
+            for x in rod[1:]:
+                size = plus(size, cubics.squared(n, x))
+            errors.append(minus(scaled(size, 0.5), half))
+            moved.append([largest(x) - abs(x[0]) for x in rod])
+        return errors, moved
+
+    def _rest(
+        self, pose: Sequence[Quadratic], per: Sequence[Sequence[float]], start: list[float]
+    ) -> list[float] | None:
+        """(m,) bound of the residual of the pose, displacement and turn; None if there is no bound. start: of |C F|."""
         n, m, rods = self.n, self.m, self.vectors(pose)[1]
         sizes = [[abs(share) for share in shares] for shares in per]
-        errors = [
-            largest(minus(scaled(dot(n, rod, rod), 0.5), half)) for rod, half in zip(rods, self.half, strict=True)
-        ]
-        start = [_product(size, errors) for size in sizes]
         changes = [self._change(leg, rods[leg], pose[-1]) for leg in range(n)]
         shares = [[largest(combined(row, [change[e] for change in changes])) for e in range(m)] for row in per]
-        found: list[float] | None = start
+        guess = _solved(shares, start)
         for _ in range(BOXES):
-            if found is None or (found := _solved(self._with(shares, sizes, found), start)) is None:
+            if guess is None:
                 return None
-            room = [WIDER * x + LEAST for x in found]
+            rows = self._with(shares, sizes, [WIDER * x for x in guess])
+            if (guess := _solved(rows, start)) is None or (more := _solved(rows, guess)) is None:
+                return None
+            room = [x + INSIDE * y + LEAST for x, y in zip(guess, more, strict=True)]
             rows = self._with(shares, sizes, room)
             found = [x + _product(row, room) for x, row in zip(start, rows, strict=True)]
             if all(x < y for x, y in zip(found, room, strict=True)):

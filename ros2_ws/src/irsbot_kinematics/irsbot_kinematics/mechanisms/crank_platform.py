@@ -93,7 +93,8 @@ class CrankPlatform(BranchedPlatform):
         for q, h in zip(at.joints, travel, strict=True):
             x, y = l1 * h * cos(q), l1 * h * sin(q)
             near, curve = (-y, x, *level), (-0.5 * h * x, -0.5 * h * y, *level)
-            rods.append(Rod(self.rod, near, l1 * h * h * h / 6.0 + ends, 0.0, length, curve))
+            third = (h * h * y / 6.0, -h * h * x / 6.0, *level)
+            rods.append(Rod(self.rod, near, l1 * h * h * h * h / 24.0 + ends, 0.0, length, curve, 0.0, third))
         return rods
 
     def sines_over(self, at: Posture, travel: Sequence[float], met: Reached, slack_m: float) -> Floats:

@@ -288,13 +288,14 @@ class Rrr3(TurningPlatform):
 
     def rods_of(self, at: Posture, travel: Sequence[float], slack_m: float) -> list[Rod]:
         """The near ends stay; rho_i = 2 l cos(q_i/2) grows by -B_ii per rad and bends by -rho_i/8 per rad^2, its third
-        derivative is at most l/4."""
+        derivative is -1/4 of the first, its fourth at most l/8."""
         l = self.geometry.l
         ends, length, _ = self.geometry_errors(slack_m) if slack_m else EXACT
         rods = []
         for lever, reach, h in zip(at.levers, at.reach, travel, strict=True):
             rho = 2.0 * l - reach
-            rods.append(Rod(rho, (0.0, 0.0), ends, -lever * h, l * h * h * h / 24.0 + length, (), -0.125 * rho * h * h))
+            growth, off = -lever * h, l * h * h * h * h / 192.0 + length
+            rods.append(Rod(rho, (0.0, 0.0), ends, growth, off, (), -0.125 * rho * h * h, (), -growth * h * h / 24.0))
         return rods
 
     def sines_over(self, at: Posture, travel: Sequence[float], met: Reached, slack_m: float) -> Floats:

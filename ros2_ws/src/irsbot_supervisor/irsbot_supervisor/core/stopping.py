@@ -41,9 +41,6 @@ WIDER = 0.1
 """1: a box is first tried with this share of its size added at each end: the boxes of the next samples then lie in it,
 and need no computation."""
 
-SAME = 0.01
-"""1: the same if the wider box fails: the box of a resting robot flickers by less."""
-
 SMALLER, HARDLY_SMALLER = 0.8, 0.98
 """1: bounds are reused for boxes of at least this share of the size: if the goal was proved, and if a smaller box may
 give more."""
@@ -79,6 +76,7 @@ class StoppingPredictor:
         self._latency = settings.latency_s
         self._bounds = BoxBounds(mechanism, settings.slack_m)
         self._box = ReachableBox(settings)
+        self._flicker = (settings.encoder_resolution,) * len(mechanism.joints)  # rad or m, of a resting joint
         cuts = PATIENT_CUTS if patient else cuts_of(mechanism)
         self._usual, self._cuts = ((release_of(settings), cuts // 2), (limits_of(settings, "stop"), cuts)), cuts
         self.known: Known | None = None  # the last box
@@ -135,7 +133,7 @@ class StoppingPredictor:
         wide = None if self.in_vain is not None and self.in_vain.serves(low, high) else self._bounds.search(at, *ends)
         if wide is not None and wide.proves(warn, 0):
             return self._keep(ends, wide.certified, _shares(low, high, SMALLER))
-        here = wider(low, high, SAME)
+        here = tuple(map(sub, low, self._flicker)), tuple(map(add, high, self._flicker))
         search = self._bounds.search(at, *here, self._parts(low, high))
         goal = next((goal for goal, most in self._usual if search.proves(goal, most)), None)
         self._cut = here, search.parts(goal or self._usual[-1][0], 1 + int(KEPT * 2 * cuts))

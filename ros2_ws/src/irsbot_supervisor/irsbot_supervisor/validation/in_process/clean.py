@@ -2,7 +2,8 @@
 
 An independent oracle, `reachable`, computes the positions within reach of the drives until they stand. A sample is
 clear if no limit is near there. Other samples are also fed to the supervisor, but its verdicts on them do not count.
-A motion may come so fast to a limit that a stop is due. It does not obey, so it ends there, and another one begins.
+A motion may come so fast to a limit that a stop is due. It does not obey, so it ends at its first stop, and another one
+begins: what is said of a robot that goes on after a stop is no figure of this row.
 """
 
 from __future__ import annotations
@@ -127,9 +128,9 @@ class _Stream:
             fed += len(batch.levels)
             clear, calm = self._clear(batch, before, moving)
             before = np.concatenate((before, batch.positions))[-PAST:]
-            due = ~clear & (np.array(batch.levels) >= Level.STOP) & (batch.stamps >= self._rest * PERIOD_S)
-            stopped = bool(due.any()) and not self._at_work  # at work every stop is a false one
-            counted = slice(int(due.argmax()) if stopped else None)
+            stops = (np.array(batch.levels) >= Level.STOP) & (batch.stamps >= self._rest * PERIOD_S)
+            stopped = bool(stops.any()) and not self._at_work  # at work every stop is a false one
+            counted = slice(int(stops.argmax()) + 1 if stopped else None)
             done += int(clear[counted].sum())
             self._judge(tally, batch.part(counted), clear[counted], calm[counted])
             if stopped:
