@@ -30,9 +30,12 @@ from irsbot_supervisor.core.reachable_box import ReachableBox
 if TYPE_CHECKING:
     from irsbot_supervisor.core.settings import Settings
 
-CUTS_OF_PAIRS, CUTS = 12, 16
-"""Number of cuts for one sample in total: for robots with two joints, whose boxes have bounds in closed form, and for
-others. A warning may use half of them. The robot moves during the computation."""
+CUTS = {2: 48, 3: 20, 4: 16}
+"""Number of cuts for one sample in total, by the number of joints. The robot moves during the computation, and bounds
+cost more with more joints; with two of them they have a closed form."""
+
+FOR_A_WARNING = 0.75
+"""1: share of the cuts that the goal of no warning may use; the others are for the goal of no stop."""
 
 KEPT = 0.75
 """1: of the bounds for one sample, the share that may go to the parts of the last box; the others are for new cuts."""
@@ -78,7 +81,10 @@ class StoppingPredictor:
         self._box = ReachableBox(settings)
         self._flicker = (settings.encoder_resolution,) * len(mechanism.joints)  # rad or m, of a resting joint
         cuts = PATIENT_CUTS if patient else cuts_of(mechanism)
-        self._usual, self._cuts = ((release_of(settings), cuts // 2), (limits_of(settings, "stop"), cuts)), cuts
+        self._usual, self._cuts = (
+            ((release_of(settings), int(FOR_A_WARNING * cuts)), (limits_of(settings, "stop"), cuts)),
+            cuts,
+        )
         self.known: Known | None = None  # the last box
         self.in_vain: Known | None = None  # a wider box whose proof failed
         self._cut: tuple[tuple[Floats, Floats], tuple[Part, ...]] | None = None  # the last box that was cut
@@ -187,7 +193,7 @@ class StoppingPredictor:
 
 def cuts_of(mechanism: Mechanism) -> int:
     """Number of cuts for one sample."""
-    return CUTS_OF_PAIRS if len(mechanism.joints) == 2 else CUTS
+    return CUTS[len(mechanism.joints)]
 
 
 def _shares(low: Floats, high: Floats, share: float) -> Floats:
