@@ -278,7 +278,8 @@ def test_a_failed_proof_is_repeated_for_a_smaller_box(name):
         sizes, before = high - low, proved
         fresh = StoppingPredictor(settings, robot.mechanism).predict(at, speeds, 0.002)
         proved = spare_of(fresh, limits_of(settings, "stop")) >= 0.0
-        assert (spare_of(predictor.predict(at, speeds, 0.002), limits_of(settings, "stop")) >= 0.0) == proved
+        earlier = spare_of(predictor.predict(at, speeds, 0.002), limits_of(settings, "stop"))
+        assert earlier >= 0.0 or not proved, "what is proved at once is proved with the cuts of earlier boxes, too"
         again += proved and not before
     assert again >= 1, "the fixture proves nothing"
 

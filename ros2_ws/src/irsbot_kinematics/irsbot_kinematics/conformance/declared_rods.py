@@ -72,8 +72,9 @@ def rods_declared(machine: Machine) -> Iterator[Case]:
         for leg, rod in enumerate(declared):
             share, d = SHARES, len(rod.near)
             near = share[:, None] * rod.near + (share**2)[:, None] * (rod.curve or (0.0,) * d)
+            near += (share**3)[:, None] * (rod.third or (0.0,) * d)
             aside = np.linalg.norm((asked.ways[:, leg] - near)[:, None] + corners[:, leg], axis=2).max()
-            growth = share * rod.growth + share**2 * rod.growth_curve
+            growth = share * rod.growth + share**2 * rod.growth_curve + share**3 * rod.growth_third
             longer = np.abs(asked.growth[:, leg] - growth).max() + asked.slack * asked.rods.measured[leg]
             length = float(asked.rods.length[leg])
             over = max(aside - rod.aside, longer - rod.growth_aside, abs(rod.length - length))

@@ -30,7 +30,7 @@ from irsbot_supervisor.core.reachable_box import ReachableBox
 if TYPE_CHECKING:
     from irsbot_supervisor.core.settings import Settings
 
-CUTS = {2: 48, 3: 20, 4: 16}
+CUTS = {2: 48, 3: 12, 4: 12}
 """Number of cuts for one sample in total, by the number of joints. The robot moves during the computation, and bounds
 cost more with more joints; with two of them they have a closed form."""
 
