@@ -24,7 +24,7 @@ from irsbot_supervisor.core.estimation.observer import Observer
 from irsbot_supervisor.core.estimation.sample_interval import judging_time
 from irsbot_supervisor.core.reachable_box import ReachableBox
 from irsbot_supervisor.core.settings import Settings
-from irsbot_supervisor.core.stopping import cuts_of, limits_of
+from irsbot_supervisor.core.stopping import CUTS_OF_A_SAMPLE, limits_of
 
 POSTURES = 200
 """Number of postures above the stop limits in which the robot rests: their share is exact within a few per cent."""
@@ -119,7 +119,7 @@ def _farthest(mechanism: Mechanism, at: Posture, ways: Floats) -> float:
 def _stopped(settings: Settings, mechanism: Mechanism, places: list[Posture], ways: Floats) -> float:
     """Share of postures whose box cannot be certified with the supervisor's number of cuts."""
     bounds, stop = BoxBounds(mechanism, settings.slack_m), limits_of(settings, "stop")
-    cuts = cuts_of(mechanism)
+    cuts = CUTS_OF_A_SAMPLE
     lost = 0
     for at in places:
         low = tuple([q - way for q, way in zip(at.joints, ways, strict=True)])

@@ -10,7 +10,7 @@ from irsbot_msgs_py.records import Floats
 from irsbot_supervisor.core.box_search import BoxBounds
 from irsbot_supervisor.core.estimation.estimate import Silence
 from irsbot_supervisor.core.settings import LEAST_LIMIT, Settings
-from irsbot_supervisor.core.stopping import WIDER, cuts_of, wider
+from irsbot_supervisor.core.stopping import CUTS_OF_A_SAMPLE, WIDER, wider
 
 APART = (-inf, LEAST_LIMIT, -inf, -inf)
 """Goal of the bounds: no Type 2 singularity is met."""
@@ -20,7 +20,7 @@ class BranchProof:
     """Keeps the last region, in which the next ones of a robot that hardly moves lie too."""
 
     def __init__(self, settings: Settings, mechanism: Mechanism) -> None:
-        self._bounds, self._cuts = BoxBounds(mechanism, settings.slack_m), cuts_of(mechanism)
+        self._bounds, self._cuts = BoxBounds(mechanism, settings.slack_m), CUTS_OF_A_SAMPLE
         self._free: tuple[Floats, Floats] | None = None  # low and high ends, rad or m
 
     def forget(self) -> None:

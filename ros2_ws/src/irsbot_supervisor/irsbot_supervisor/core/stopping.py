@@ -30,9 +30,8 @@ from irsbot_supervisor.core.reachable_box import ReachableBox
 if TYPE_CHECKING:
     from irsbot_supervisor.core.settings import Settings
 
-CUTS = {2: 48, 3: 12, 4: 12}
-"""Number of cuts for one sample in total, by the number of joints. The robot moves during the computation, and bounds
-cost more with more joints; with two of them they have a closed form."""
+CUTS_OF_A_SAMPLE = 12
+"""Number of cuts for one sample in total. The robot moves during the computation."""
 
 FOR_A_WARNING = 0.75
 """1: share of the cuts that the goal of no warning may use; the others are for the goal of no stop."""
@@ -80,7 +79,7 @@ class StoppingPredictor:
         self._bounds = BoxBounds(mechanism, settings.slack_m)
         self._box = ReachableBox(settings)
         self._flicker = (settings.encoder_resolution,) * len(mechanism.joints)  # rad or m, of a resting joint
-        cuts = PATIENT_CUTS if patient else cuts_of(mechanism)
+        cuts = PATIENT_CUTS if patient else CUTS_OF_A_SAMPLE
         self._usual, self._cuts = (
             ((release_of(settings), int(FOR_A_WARNING * cuts)), (limits_of(settings, "stop"), cuts)),
             cuts,
@@ -189,11 +188,6 @@ class StoppingPredictor:
     def travel(self, speeds: Speeds, prediction_delay_s: float) -> tuple[list[float], list[float]]:
         """rad or m: displacement of the joints forward and backward until they stand."""
         return self._box.until_rest(speeds, prediction_delay_s + self._latency)
-
-
-def cuts_of(mechanism: Mechanism) -> int:
-    """Number of cuts for one sample."""
-    return CUTS[len(mechanism.joints)]
 
 
 def _shares(low: Floats, high: Floats, share: float) -> Floats:

@@ -25,7 +25,7 @@ from irsbot_supervisor.core.margins import MARGIN_CAUSES, MARGIN_TEXTS, Margins,
 from irsbot_supervisor.core.position_limits import PositionLimits
 from irsbot_supervisor.core.reachable_box import ReachableBox, position_error
 from irsbot_supervisor.core.settings import Settings
-from irsbot_supervisor.core.stopping import cuts_of, limits_of
+from irsbot_supervisor.core.stopping import CUTS_OF_A_SAMPLE, limits_of
 from irsbot_supervisor.trajectory.certificate import Certificate, Minima, Violation
 from irsbot_supervisor.trajectory.joint_path import BadTrajectory
 from irsbot_supervisor.trajectory.segments import JointSegments
@@ -88,7 +88,7 @@ class Walk:
         prediction_delay_s: float | None = None,
     ) -> None:
         self._mechanism = robot.mechanism
-        self._cuts = cuts_of(robot.mechanism)  # as many as before a robot is stopped
+        self._cuts = CUTS_OF_A_SAMPLE  # as many as before a robot is stopped
         self._bounds = BoxBounds(robot.mechanism, settings.slack_m)
         self._box, self._ahead_s, self._latency_s = ReachableBox(settings), prediction_delay_s, settings.latency_s
         self._excess = (
