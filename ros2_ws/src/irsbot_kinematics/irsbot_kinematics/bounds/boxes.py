@@ -172,10 +172,8 @@ class _Platform:
         self.drives: list[float] = []
         self.lengths: list[Quadratic] = []
         self.longest: list[float] = []
-        self.squares: list[Quadratic] = []
-        """L^2/2."""
         self.half: list[Cubic] = []
-        """Likewise, to third order, with what its error and that of the near end add to F."""
+        """L^2/2, with what its error and that of the near end add to F."""
         for i, rod in enumerate(rods):
             ends, places, drive = [], [], rod.growth
             for d in range(dims):
@@ -191,7 +189,6 @@ class _Platform:
                 places.append(place)
             length = self._constant(rod.length)
             length[1 + i], length[1 + n + i] = rod.growth, rod.growth_curve
-            squares = scaled(multiplied(n, length, length), 0.5)
             half = cubic(n, length)
             half[cube(n, i)] = rod.growth_third
             half = scaled(cubics.squared(n, half), 0.5)
@@ -203,7 +200,6 @@ class _Platform:
             self.drives.append(drive)
             self.lengths.append(length)
             self.longest.append(longest)
-            self.squares.append(squares)
             self.half.append(half)
 
     def vectors(self, pose: Sequence[Quadratic]) -> tuple[tuple[Quadratic, Quadratic] | None, list[list[Quadratic]]]:
@@ -225,11 +221,11 @@ class _Platform:
             for joint in range(n):
                 x[1 + joint] = inverse[joint][k] * self.drives[joint]
         first = self.vectors(pose)[1]
-        short = [minus(half, scaled(dot(n, rod, rod), 0.5)) for half, rod in zip(self.squares, first, strict=True)]
-        for x, shares in zip(pose, per, strict=True):
-            second = combined(shares, short)
-            for place in range(1 + n, polynomial(n)):
-                x[place] = second[place]
+        sizes = [dot(n, rod, rod) for rod in first]
+        for place in range(1 + n, polynomial(n)):
+            short = [half[place] - 0.5 * size[place] for half, size in zip(self.half, sizes, strict=True)]
+            for x, shares in zip(pose, per, strict=True):
+                x[place] = _product(shares, short)
         third, start = self._third(pose, per)
         found = [list(x) for x in pose]
         for x, size in zip(found, third, strict=True):

@@ -48,19 +48,22 @@ def cubic(n: int, terms: Sequence[float], rest: float = 0.0) -> Cubic:
     return [*terms[: polynomial(n)], *[0.0] * len(third_degree(n)), rest]
 
 
+def _sizes(n: int, a: Cubic) -> tuple[float, float, float]:
+    """Bounds of the sizes of its terms of first, second and third degree."""
+    first = second = third = 0.0
+    for k in range(1, 1 + n):
+        first += abs(a[k])
+    for k in range(1 + n, polynomial(n)):
+        second += abs(a[k])
+    for k in range(polynomial(n), len(a) - 1):
+        third += abs(a[k])
+    return first, second, third
+
+
 def multiplied(n: int, a: Cubic, b: Cubic) -> Cubic:
     """The product of cubics in n joints."""
-    a0, b0, second, third, end = a[0], b[0], 1 + n, polynomial(n), len(a) - 1
-    a1 = b1 = a2 = b2 = a3 = b3 = 0.0  # sizes of the terms of first, second and third degree
-    for k in range(1, second):
-        a1 += abs(a[k])
-        b1 += abs(b[k])
-    for k in range(second, third):
-        a2 += abs(a[k])
-        b2 += abs(b[k])
-    for k in range(third, end):
-        a3 += abs(a[k])
-        b3 += abs(b[k])
+    a0, b0, second, end = a[0], b[0], 1 + n, len(a) - 1
+    (a1, a2, a3), (b1, b2, b3) = _sizes(n, a), _sizes(n, b)
     found = [a0 * b[k] + b0 * a[k] for k in range(end + 1)]
     found[0] = a0 * b0
     place = second
@@ -85,14 +88,8 @@ def multiplied(n: int, a: Cubic, b: Cubic) -> Cubic:
 
 def squared(n: int, a: Cubic) -> Cubic:
     """The square of a cubic in n joints."""
-    a0, second, third, end = a[0], 1 + n, polynomial(n), len(a) - 1
-    a1 = a2 = a3 = 0.0
-    for k in range(1, second):
-        a1 += abs(a[k])
-    for k in range(second, third):
-        a2 += abs(a[k])
-    for k in range(third, end):
-        a3 += abs(a[k])
+    a0, second, end = a[0], 1 + n, len(a) - 1
+    a1, a2, a3 = _sizes(n, a)
     twice = 2.0 * a0
     found = [twice * x for x in a]
     found[0] = a0 * a0

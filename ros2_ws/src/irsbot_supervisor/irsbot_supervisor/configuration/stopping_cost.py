@@ -119,10 +119,9 @@ def _farthest(mechanism: Mechanism, at: Posture, ways: Floats) -> float:
 def _stopped(settings: Settings, mechanism: Mechanism, places: list[Posture], ways: Floats) -> float:
     """Share of postures whose box cannot be certified with the supervisor's number of cuts."""
     bounds, stop = BoxBounds(mechanism, settings.slack_m), limits_of(settings, "stop")
-    cuts = CUTS_OF_A_SAMPLE
     lost = 0
     for at in places:
         low = tuple([q - way for q, way in zip(at.joints, ways, strict=True)])
         high = tuple([q + way for q, way in zip(at.joints, ways, strict=True)])
-        lost += not spare_of(bounds.least(at, low, high, stop, cuts), stop) >= 0.0
+        lost += not spare_of(bounds.least(at, low, high, stop, CUTS_OF_A_SAMPLE), stop) >= 0.0
     return lost / len(places) if places else 1.0

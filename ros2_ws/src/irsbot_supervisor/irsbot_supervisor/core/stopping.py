@@ -80,10 +80,8 @@ class StoppingPredictor:
         self._box = ReachableBox(settings)
         self._flicker = (settings.encoder_resolution,) * len(mechanism.joints)  # rad or m, of a resting joint
         cuts = PATIENT_CUTS if patient else CUTS_OF_A_SAMPLE
-        self._usual, self._cuts = (
-            ((release_of(settings), int(FOR_A_WARNING * cuts)), (limits_of(settings, "stop"), cuts)),
-            cuts,
-        )
+        self._cuts = cuts
+        self._usual = (release_of(settings), int(FOR_A_WARNING * cuts)), (limits_of(settings, "stop"), cuts)
         self.known: Known | None = None  # the last box
         self.in_vain: Known | None = None  # a wider box whose proof failed
         self._cut: tuple[tuple[Floats, Floats], tuple[Part, ...]] | None = None  # the last box that was cut
