@@ -12,11 +12,16 @@ from typing import Any
 import numpy as np
 import pytest
 from command import irsbot
+from counted import Counted
+from supervised import settings_of
 
+import irsbot_kinematics as irs
 from irsbot_supervisor.cli.bench import bench
+from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.core.stopping import CUTS_OF_A_SAMPLE, StoppingPredictor
 from irsbot_supervisor.fleet.version import code_version
 from irsbot_supervisor.sim.scenario_file import scenario_robots
-from irsbot_supervisor.validation.bench import history, loop_closure, noise
+from irsbot_supervisor.validation.bench import history, loop_closure, noise, one_sample
 from irsbot_supervisor.validation.bench.loop_closure import LoopClosure
 from irsbot_supervisor.validation.bench.one_sample import OneSample
 from irsbot_supervisor.validation.bench.recorder import Recorder
@@ -120,7 +125,7 @@ def test_a_goal_is_met_at_its_limit_and_never_by_nan(at_least: bool, measured: f
 
 def test_the_default_robot_and_the_slowest_other_one_are_judged() -> None:
     medians = (("a", 9.0), ("b", 3.0), ("c", 26.0))
-    plain = [OneSample(name, 10, median, median, 99.0, 99.0) for name, median in medians]
+    plain = [OneSample(name, 10, median, median, 99.0, 99.0, 990.0) for name, median in medians]
     found = {row.what: row for row in rows(Measured(one_sample=plain))}
     assert found["one step, median, a, plain"].met
     assert found["one step, worst, a, plain"].measured == 99.0
@@ -287,12 +292,29 @@ def test_a_run_is_judged_offline_and_one_by_one() -> None:
     assert row["measured"] == pytest.approx(found["columns_s"] * 3600.0)
 
 
+@pytest.mark.parametrize("name", ["irsbot2", "rrr3"])
+def test_the_hardest_prediction_needs_every_cut(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a clock that shows the number of boxes that were bounded."""
+    settings, robot = settings_of(name)
+    counted = Counted(robot.mechanism)
+
+    def predictor(settings: Settings, mechanism: irs.Mechanism) -> StoppingPredictor:
+        assert mechanism is robot.mechanism
+        return StoppingPredictor(settings, counted)
+
+    monkeypatch.setattr(one_sample, "StoppingPredictor", predictor)
+    monkeypatch.setattr(one_sample.time, "perf_counter_ns", lambda: counted.boxes)
+    boxes = one_sample.hardest_prediction(settings, robot, 40, 2)
+    assert 1 + 2 * CUTS_OF_A_SAMPLE <= boxes <= 3 + 2 * CUTS_OF_A_SAMPLE
+
+
 def test_parts_without_processes_give_every_robot_the_batch_and_their_goals() -> None:
     facts = facts_of("--only", "one-sample", "--only", "batch")
     assert [result["robot"] for result in facts["one_sample"]] == list(scenario_robots("pick_and_place"))
     for result in facts["one_sample"]:
         assert 0.0 < result["median_us"] <= result["p99_us"] <= result["worst_us"]
         assert 0.0 < result["with_state_us"] < inf
+        assert 0.0 < result["hardest_us"] < inf
     # two joints in; status, pose, mode, margins of both types, constraint, angles, reach, residual out
     assert facts["batch"]["bytes_per_sample"] == 16 + 1 + 16 + 2 + 16 + 8 + 8 + 16 + 8 + 8
     # plain Python has a goal for the default robot alone

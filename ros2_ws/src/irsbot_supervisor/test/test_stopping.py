@@ -9,6 +9,7 @@ from math import inf, nan
 
 import numpy as np
 import pytest
+from counted import Counted
 from supervised import settings_of
 
 import irsbot_kinematics as irs
@@ -181,20 +182,6 @@ def test_a_robot_whose_arm_is_longer_than_it_should_be_is_within_the_bounds():
 
 
 # --- bounded work, and proofs that are used again ------------------------------------------------------------------
-
-
-class Counted:
-    """A mechanism that counts the boxes that are bounded."""
-
-    def __init__(self, mechanism: irs.Mechanism) -> None:
-        self._mechanism, self.boxes = mechanism, 0
-
-    def __getattr__(self, name):
-        return getattr(self._mechanism, name)
-
-    def certified_bounds(self, *args):
-        self.boxes += 1
-        return self._mechanism.certified_bounds(*args)
 
 
 @every_robot

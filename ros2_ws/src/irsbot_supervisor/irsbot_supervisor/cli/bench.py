@@ -127,10 +127,10 @@ def _tables(measured: Measured) -> list[Table]:
             )
         tables.append(table)
     if measured.one_sample:
-        heads = ("median [us]", "p99 [us]", "worst [us]", "median with its state [us]")
+        heads = ("median [us]", "p99 [us]", "worst [us]", "median with its state [us]", "hardest prediction [us]")
         table = Table("robot", *heads, title="one step of the supervisor, to the verdict")
         for result in measured.one_sample:
-            times = (result.median_us, result.p99_us, result.worst_us, result.with_state_us)
+            times = (result.median_us, result.p99_us, result.worst_us, result.with_state_us, result.hardest_us)
             table.add_row(result.robot, *[f"{taken:.1f}" for taken in times])
         tables.append(table)
     if measured.batch is not None:
