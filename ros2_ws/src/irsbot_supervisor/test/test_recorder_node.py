@@ -19,6 +19,7 @@ pytest.importorskip("irsbot_msgs", reason="needs the built workspace")
 
 import rclpy
 from irsbot_msgs.msg import RecorderHealth as RecorderHealthMsg
+from irsbot_msgs.msg import SingularityState as StateMessage
 from irsbot_msgs.msg import Verdict as VerdictMsg
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -36,7 +37,8 @@ from irsbot_msgs_py.records import Cause, JointSample, Level, Verdict
 from irsbot_supervisor.bag.bag import Bag
 from irsbot_supervisor.bag.journal import configured, write_entry
 from irsbot_supervisor.configuration.loading import read_settings
-from irsbot_supervisor.processes.suite import free_domain
+from irsbot_supervisor.processes.listener import Watch
+from irsbot_supervisor.processes.suite import JOINTS, RECORDER, SUPERVISOR, Node, Suite, free_domain
 from irsbot_supervisor.replay.recording import read_recording
 
 pytestmark = pytest.mark.ros
@@ -332,3 +334,34 @@ def test_markers_are_recorded_on_request(scene: Scene) -> None:
     with Bag(scene.bag) as opened:
         (kept,) = [message for message in opened.messages() if message.topic == "/cell/supervisor/markers"]
     assert deserialize_message(kept.data, MarkerArray).markers[0].text == "drawn"
+
+
+def test_a_recorder_without_processor_time_for_half_a_second_misses_no_state(tmp_path: Path) -> None:
+    """Without the states a replay does not know when the samples were judged."""
+    domain, heard = free_domain(), 0
+
+    def on_state(data: bytes) -> None:
+        nonlocal heard
+        heard += 1
+
+    with Suite(tmp_path / "logs", domain) as suite, Watch(domain, lambda verdict: None) as watch:
+        watch.node.create_subscription(StateMessage, "supervisor/state", on_state, 2000, raw=True)
+
+        def until(number: int) -> None:
+            deadline = time.monotonic() + PATIENCE_S
+            while heard < number:
+                assert time.monotonic() < deadline, f"{heard} states came"
+                suite.check()
+                watch.look(0.02)
+
+        suite.start(Node("recorder", RECORDER, {"output": str(tmp_path / "bag")}))
+        suite.start(Node("supervisor", SUPERVISOR, {"robot": "five_bar"}))
+        suite.start(Node("simulated_joints", JOINTS, {"robot": "five_bar", "scenario": "stand", "listeners": 2}))
+        until(300)
+        suite.processes["recorder"].send_signal(signal.SIGSTOP)
+        until(heard + 600)
+        suite.processes["recorder"].send_signal(signal.SIGCONT)
+        until(heard + 300)
+    numbers = [state.sequence for state in read_recording(tmp_path / "bag").states]
+    assert numbers[-1] > 900
+    assert numbers == list(range(numbers[0], numbers[-1] + 1))

@@ -58,8 +58,9 @@ PARAMETERS = {
 }
 """Parameters that are not settings, with default, description and range. All are read at the start alone."""
 
-STREAM = QoSProfile(depth=200, reliability=ReliabilityPolicy.RELIABLE)
-"""Deep queue: every sample counts as long as all can be judged in time."""
+STREAM = QoSProfile(depth=2000, reliability=ReliabilityPolicy.RELIABLE)
+"""Deep queue, as deep as the recorder's: a recorder without processor time for two seconds at 1 kHz misses nothing, and
+without the states a replay does not know when samples were judged."""
 
 INLET = QoSProfile(depth=12, reliability=ReliabilityPolicy.RELIABLE)
 """Short queue: older samples are skipped for newer ones anyway, and each place may keep memory for the largest
