@@ -30,6 +30,13 @@ def test_for_a_slow_computer_longer_times_are_proposed() -> None:
     assert (judging.kept, judging.value) == (False, 0.011)
 
 
+def test_times_of_a_computer_that_judges_longer_than_a_silence_lasts_are_settings() -> None:
+    found = proposals(SETTINGS, Times(0.002, 0.011, 0.002, 0.06), PERIOD_S)
+    settings, _robot = read_settings("irsbot2", **{one.name: one.value for one in found})
+    assert settings.judging_s == settings.stale_s == 0.09
+    assert [one.name for one in found if not one.kept] == ["stale_s", "judging_s"]
+
+
 def test_without_verdicts_no_time_is_kept() -> None:
     found = proposals(SETTINGS, longest([], [], [], []), PERIOD_S)
     assert not any(one.kept for one in found)

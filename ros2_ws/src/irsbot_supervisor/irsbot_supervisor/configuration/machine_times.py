@@ -59,14 +59,17 @@ def proposals(settings: Settings, met: Times, period_s: float) -> list[Proposed]
     between the samples of the run."""
     allowed_s = judging_time(settings.judging_s, max(period_s, settings.sample_gap_s))
     judging = settings.judging_s if met.judging_s <= allowed_s else _up(LATE * met.judging_s)
-    stale = max(settings.stale_s, _up(STALE * met.sample_gap_s))
+    gap = _up(STALE * met.sample_gap_s)
+    stale, silence = max(settings.stale_s, gap, judging), "twice the longest interval between samples"
+    if judging > max(settings.stale_s, gap):
+        silence = "as judging_s: while a sample is judged, no other is"
     heartbeat = max(settings.heartbeat_s, _up(met.verdict_gap_s / STALE))
     latency = max(settings.latency_s, _up(LATE * met.delay_s))
     beating = "half the longest interval between verdicts"
     if heartbeat > MOST_HEARTBEAT_S:
         beating = f"the largest that is allowed; {beating} needs {heartbeat:g} s"
     return [
-        _proposed("stale_s", settings.stale_s, met.sample_gap_s, stale, "twice the longest interval between samples"),
+        _proposed("stale_s", settings.stale_s, met.sample_gap_s, stale, silence),
         _proposed("heartbeat_s", settings.heartbeat_s, met.verdict_gap_s, heartbeat, beating, MOST_HEARTBEAT_S),
         _proposed("latency_s", settings.latency_s, met.delay_s, latency, "1.5 times the longest way to a verdict"),
         _proposed("judging_s", settings.judging_s, met.judging_s, judging, "1.5 times the longest judging of a sample"),
