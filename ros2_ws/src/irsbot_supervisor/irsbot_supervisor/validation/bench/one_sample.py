@@ -1,8 +1,7 @@
 """The cost of one whole step of the supervisor in this process: from a joint sample to the verdict.
 
-The state is made in the same step where someone listens to it; steps with it are measured in turn. Pick and place keeps
-far from all limits, so its steps need no cut of the reachable box. The hardest prediction shows what a step can take
-near a limit.
+The state is made in the same step where someone listens to it; steps with it are measured in turn. Few steps of
+pick and place cut the reachable box. The hardest prediction shows what a step can take near a limit.
 """
 
 from __future__ import annotations
