@@ -12,7 +12,7 @@ import pytest
 
 pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
-from cell import GOOD, NEAR, Cell, Wire, going
+from cell import GOOD, HIGH, STRICT, Cell, Wire, going
 from rclpy.serialization import deserialize_message
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -43,8 +43,10 @@ def test_markers_show_level_margin_cause_and_the_way_out(wire: Wire):
     assert platform.color.g > platform.color.r
     assert "stop 0.040" in text.text  # the constraint margin governs here
     assert arrow.action == Marker.DELETE
-    cell.say = going(GOOD, NEAR, time.time_ns(), 3.0)
-    wire.until(lambda: 2 in drawn[-1] and drawn[-1][2].action == Marker.ADD)
+    cell.say = going(GOOD, HIGH, time.time_ns(), 1.0)
+    wire.until(lambda: cell.states[-1].pose[1] > -0.601, "a robot that is high")
+    assert cell.set(**STRICT) == (True, "")
+    wire.until(lambda: 2 in drawn[-1] and drawn[-1][2].action == Marker.ADD, "the way out")
     platform, text, arrow = (drawn[-1][number] for number in range(3))
     assert platform.color.r > platform.color.g
     level, margin = text.text.splitlines()
@@ -52,7 +54,7 @@ def test_markers_show_level_margin_cause_and_the_way_out(wire: Wire):
     assert "LATCHED" in level
     assert margin.startswith("Type")
     start, tip = arrow.points
-    assert tip.z - start.z > 0.5 * math.dist((start.x, start.z), (tip.x, tip.z))  # up, away from straight legs
+    assert start.z - tip.z > 0.5 * math.dist((start.x, start.z), (tip.x, tip.z))  # down, away from folded legs
 
 
 def test_markers_show_the_mechanism_and_its_loci(wire: Wire):

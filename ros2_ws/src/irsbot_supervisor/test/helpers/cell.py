@@ -97,11 +97,15 @@ def swinging(middle: Floats, begin_ns: int, end_ns: int | None = None) -> Say:
 
 
 def going(start: Floats, end: Floats, begin_ns: int, seconds: float) -> Say:
-    """From one place to another, smoothly, and then standing there."""
+    """From one place to another, smoothly, and then standing there. In a pause of this process the robot stands: one
+    that moves on while nothing is heard loses its branch, and rightly."""
+    last_ns, gone_s = begin_ns, 0.0
 
     def say(stamp_ns: int) -> JointSample:
-        turn = math.pi / seconds
-        phase = min(max((stamp_ns - begin_ns) * 1e-9, 0.0), seconds) * turn
+        nonlocal last_ns, gone_s
+        gone_s += min(max((stamp_ns - last_ns) * 1e-9, 0.0), 10.0 * PERIOD_S)
+        last_ns, turn = stamp_ns, math.pi / seconds
+        phase = min(gone_s, seconds) * turn
         way, pace = 0.5 - 0.5 * math.cos(phase), 0.5 * math.sin(phase) * turn
         ways = [b - a for a, b in zip(start, end, strict=True)]
         position = tuple(a + way * d for a, d in zip(start, ways, strict=True))
