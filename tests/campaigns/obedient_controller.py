@@ -1,8 +1,8 @@
 """A velocity controller with the consumer's half, for consumer_outages.py: a process between command gate and drives.
 
-Like forward_command_controller it keeps the last command for ever, unless the consumer's half says that motion has
-ended since: then the command is void. It writes one line whenever what the drives are told changes: steady clock in ns,
-rate of the first joint, the longest time between two of its cycles since the last line, when it heard a verdict last.
+Like forward_command_controller it keeps the last command for ever, unless the consumer's half says that it is void. It
+writes one line whenever what the drives are told changes: steady clock in ns, rate of the first joint, the longest time
+between two of its cycles since the last line, when it heard a verdict last.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from std_msgs.msg import Float64MultiArray
 from irsbot_msgs_py.cdr import decode_verdict
 from irsbot_msgs_py.process.run import run
 from irsbot_msgs_py.stamps import NS_PER_S
-from irsbot_supervisor.consumer import TIMEOUT_S, Consumer
+from irsbot_supervisor.consumer import TIMEOUT_S, Consumer, LastCommand
 
 CYCLE_S = 0.005
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -76,7 +76,8 @@ class Controller(Node):
         self._log = os.open(self.declare_parameter("log", "").value, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
         header = self.declare_parameter("header", False).value
         self._consumer: Any = HeaderConsumer() if header else Consumer(gated=True)
-        self._command: tuple[list[float], int] | None = None  # rates, and how often motion had ended when they came
+        self._last: LastCommand[list[float]] = LastCommand(self._consumer)
+        self._joints = 0
         self._told: list[float] = []
         self._heard_ns = self._cycle_ns = time.monotonic_ns()
         self._longest_ns = 0
@@ -92,15 +93,13 @@ class Controller(Node):
         self._consumer.hear(int(verdict.level), verdict.sequence, verdict.speed_scale, self._heard_ns, age_s)
 
     def _take(self, message: Float64MultiArray) -> None:
-        self._consumer.allowed(time.monotonic_ns())  # silence until now counts before the command does
-        self._command = list(message.data), self._consumer.brakes
+        self._joints = len(message.data)
+        self._last.take(list(message.data), time.monotonic_ns())
 
     def _cycle(self) -> None:
         now_ns = time.monotonic_ns()
         self._longest_ns, self._cycle_ns = max(self._longest_ns, now_ns - self._cycle_ns), now_ns
-        rates, brakes = self._command or ([], -1)
-        if not (self._consumer.allowed(now_ns) > 0.0 and brakes == self._consumer.brakes):
-            rates = [0.0] * len(rates)
+        rates = self._last.now(now_ns) or [0.0] * self._joints
         if rates:
             self._drives.publish(Float64MultiArray(data=rates))
         if rates != self._told:

@@ -6,8 +6,10 @@
 //   auto on_verdict = [&](const irsbot_msgs::msg::Verdict & v) {
 //     consumer.hear(v.level, v.sequence, v.speed_scale, steady_ns(), (node->now() - v.header.stamp).seconds());
 //   };
-//   // every cycle: if (consumer.brakes() != brakes_when_commanded) { forget_command(); }
-//   //              double share = consumer.allowed(steady_ns());   // 0: brake
+//   double share = consumer.allowed(steady_ns());  // every cycle; 0: brake
+//
+//   irsbot::LastCommand<Rates> last(consumer);     // where commands of velocities come: last.take(rates, steady_ns())
+//   const Rates * rates = last.now(steady_ns());   // every cycle; nullptr: brake
 //
 // SPDX-License-Identifier: Apache-2.0
 #pragma once
@@ -16,6 +18,7 @@
 #include <cstdlib>
 #include <stdexcept>
 #include <type_traits>
+#include <utility>
 
 namespace irsbot {
 
@@ -58,7 +61,7 @@ class Consumer {
     return scale;
   }
 
-  // How often motion has ended. A command that was given before the last time is void: forget it.
+  // How often motion has ended. Commands from before the last end are void.
   std::uint64_t brakes() const { return brakes_; }
 
  private:
@@ -79,6 +82,33 @@ class Consumer {
   int following_ = 0;
   std::int64_t heard_ns_ = 0, begun_ns_ = 0;
   std::uint64_t sequence_ = 0, brakes_ = 0;
+};
+
+// The last command to a consumer, as long as it counts. One that comes while motion is forbidden may have been sent
+// before motion ended, and waited while this process was paused: it is void, as is every command from before the end.
+template <typename Command>
+class LastCommand {
+ public:
+  explicit LastCommand(Consumer & consumer) : consumer_(consumer) {}
+
+  // A command has come. It is void if motion is forbidden now.
+  void take(Command command, std::int64_t now_ns) {
+    given_ = consumer_.allowed(now_ns) > 0.0;
+    command_ = std::move(command), brakes_ = consumer_.brakes();
+  }
+
+  // The command to follow; nullptr: brake.
+  const Command * now(std::int64_t now_ns) {
+    const bool allowed = consumer_.allowed(now_ns) > 0.0;
+    given_ = given_ && allowed && brakes_ == consumer_.brakes();
+    return given_ ? &command_ : nullptr;
+  }
+
+ private:
+  Consumer & consumer_;
+  Command command_{};
+  bool given_ = false;
+  std::uint64_t brakes_ = 0;
 };
 
 }  // namespace irsbot

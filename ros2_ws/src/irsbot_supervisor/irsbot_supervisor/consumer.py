@@ -4,11 +4,17 @@ A verdict is valid as long as it is fresh. At the beginning, after a silence, an
 verdicts have to come in sequence for 0.1 s, or the time-out if it is longer, before motion is allowed: the first may be
 the latched last verdict of a supervisor that is frozen or has ended, and the verdicts of two supervisors on one topic
 are not in sequence for so long. A STOP or UNKNOWN that ends motion forbids it for that verdict and the next one.
+
+A command of velocities has no stamp. One that comes while motion is forbidden may have been sent before motion ended,
+and waited while this process was paused: it is void, as is every command from before the end (`LastCommand`).
 """
 
 from __future__ import annotations
 
 from math import inf
+from typing import Generic, TypeVar
+
+Command = TypeVar("Command")
 
 OK, WARN, STOP, UNKNOWN = range(4)
 """Levels, as in irsbot_msgs/SingularityState."""
@@ -38,7 +44,7 @@ class Consumer:
         self._scale = 0.0
         self._braking = True
         self.brakes = 0
-        """Number of times that motion has ended. A command given before the last end is void: discard it."""
+        """Number of times that motion has ended. Commands from before the last end are void."""
 
     def hear(self, level: int, sequence: int, speed_scale: float, now_ns: int, age_s: float = 0.0) -> None:
         """Take in a verdict. age_s: present time minus its stamp, by the clock that stamps; NaN if it is not
@@ -70,3 +76,22 @@ class Consumer:
         elif not self._braking:
             self._braking, self._following, self._scale = True, 0, 0.0
             self.brakes += 1
+
+
+class LastCommand(Generic[Command]):
+    """The last command to a consumer, as long as it counts. Call `take` for every command, `now` in every cycle."""
+
+    def __init__(self, consumer: Consumer) -> None:
+        self._consumer = consumer
+        self._given: tuple[Command, int] | None = None  # with the number of ends of motion before it
+
+    def take(self, command: Command, now_ns: int) -> None:
+        """Take in a command; it is void if motion is forbidden now."""
+        self._given = (command, self._consumer.brakes) if self._consumer.allowed(now_ns) > 0.0 else None
+
+    def now(self, now_ns: int) -> Command | None:
+        """The command to follow; None: brake."""
+        allowed = self._consumer.allowed(now_ns) > 0.0
+        if self._given is not None and not (allowed and self._given[1] == self._consumer.brakes):
+            self._given = None
+        return self._given[0] if self._given is not None else None

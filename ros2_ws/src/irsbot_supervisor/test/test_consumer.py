@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from irsbot_supervisor.consumer import OK, STOP, TIMEOUT_S, UNKNOWN, WARN, Consumer
+from irsbot_supervisor.consumer import OK, STOP, TIMEOUT_S, UNKNOWN, WARN, Consumer, LastCommand
 from irsbot_supervisor.sim.stop_response import StopResponse
 
 MS = 1_000_000
@@ -71,6 +71,48 @@ def test_silence_brakes_and_verdicts_in_sequence_for_the_time_out_end_it():
         consumer.hear(OK, 200 + number, 1.0, now)
         assert consumer.allowed(now) == (1.0 if number >= 10 else 0.0)
     assert consumer.brakes == 1
+
+
+def say_ok(consumer: Consumer, numbers: range, begin_ms: int) -> None:
+    for number in numbers:
+        consumer.hear(OK, number, 1.0, (begin_ms + BEAT_MS * (number - numbers[0])) * MS)
+
+
+def test_a_command_counts_until_motion_ends():
+    consumer = moving()
+    last = LastCommand[str](consumer)
+    assert last.now(100 * MS) is None
+    last.take("left", 100 * MS)
+    assert last.now(200 * MS) == "left"
+    assert last.now(201 * MS) is None
+    say_ok(consumer, range(200, 212), 300)
+    assert consumer.allowed(410 * MS) == 1.0
+    assert last.now(410 * MS) is None
+    last.take("right", 410 * MS)
+    assert last.now(420 * MS) == "right"
+
+
+@pytest.mark.parametrize("cycle_ms", [205, None])
+def test_a_command_that_waited_while_motion_ended_is_void(cycle_ms: int | None):
+    """The process is paused from 100 to 205 ms; then its cycle is first, or the command that was sent before."""
+    consumer = moving()
+    last = LastCommand[str](consumer)
+    if cycle_ms is not None:
+        assert last.now(cycle_ms * MS) is None
+    last.take("left", 205 * MS)
+    assert last.now(206 * MS) is None
+    say_ok(consumer, range(1, 13), 300)  # of the next supervisor
+    assert consumer.allowed(410 * MS) == 1.0
+    assert last.now(410 * MS) is None
+
+
+def test_a_command_before_motion_is_allowed_for_the_first_time_is_void():
+    consumer = Consumer()
+    last = LastCommand[str](consumer)
+    last.take("left", 0)
+    say_ok(consumer, range(1, 13), 0)
+    assert consumer.allowed(110 * MS) == 1.0
+    assert last.now(110 * MS) is None
 
 
 def test_the_second_verdict_after_a_stop_allows_motion():
@@ -195,11 +237,17 @@ int main(int argc, char **) {
   using Limits = std::numeric_limits<double>;
   for (double timeout_s : {0.0, -1.0, Limits::quiet_NaN(), Limits::infinity()}) if (!is_refused(timeout_s)) return 3;
   irsbot::Consumer consumer(0.1, argc > 1);
+  irsbot::Consumer other(0.1, argc > 1);
+  irsbot::LastCommand<long long> last(other);
   int level; unsigned long long sequence; double scale, age; long long now;
   while (std::scanf("%d %llu %lf %lld %lf", &level, &sequence, &scale, &now, &age) == 5) {
     consumer.hear(level, sequence, scale, now, age);
     for (int i = 0; i < 4; ++i) std::printf("%.17g ", consumer.allowed(now + (i < 3 ? 50 * i : 101) * 1000000LL));
-    std::printf("%llu\\n", static_cast<unsigned long long>(consumer.brakes()));
+    std::printf("%llu ", static_cast<unsigned long long>(consumer.brakes()));
+    other.hear(level, sequence, scale, now, age);
+    if (sequence % 3 == 0) last.take(now, now);
+    const long long * followed = last.now(now + 5000000LL);
+    std::printf("%lld\\n", followed ? *followed : -1LL);
   }
 }
 """
@@ -212,14 +260,23 @@ def test_the_header_in_c_plus_plus_does_the_same(tmp_path: Path):
     source.write_text(MAIN)
     build = ["c++", "-std=c++17", "-Wall", "-Wextra", "-Werror", f"-I{HEADER.parent}", str(source), "-o", str(program)]
     subprocess.run(build, check=True, timeout=60)
+    followed = 0
     for gated in (False, True):
         for seed in range(5):
             told, expected = "", []
-            consumer = Consumer(gated=gated)
+            consumer, other = Consumer(gated=gated), Consumer(gated=gated)
+            last = LastCommand[int](other)
             for level, sequence, scale, now, age in events(seed, gated):
                 told += f"{level} {sequence} {scale!r} {now} {age!r}\n"
                 consumer.hear(level, sequence, scale, now, age)
-                expected.append([*(consumer.allowed(now + t * MS) for t in (0, 50, 100, 101)), consumer.brakes])
+                row = [*(consumer.allowed(now + t * MS) for t in (0, 50, 100, 101)), consumer.brakes]
+                other.hear(level, sequence, scale, now, age)
+                if sequence % 3 == 0:
+                    last.take(now, now)
+                obeyed = last.now(now + 5 * MS)
+                followed += obeyed is not None and obeyed < now
+                expected.append([*row, -1 if obeyed is None else obeyed])
             command = [str(program), *(["gated"] if gated else [])]
             done = subprocess.run(command, input=told, capture_output=True, text=True, check=True, timeout=60)
             assert [[float(part) for part in line.split()] for line in done.stdout.splitlines()] == expected
+    assert followed > 20  # commands of earlier verdicts
