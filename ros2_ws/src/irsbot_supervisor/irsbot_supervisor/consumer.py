@@ -92,6 +92,7 @@ class LastCommand(Generic[Command]):
     def now(self, now_ns: int) -> Command | None:
         """The command to follow; None: brake."""
         allowed = self._consumer.allowed(now_ns) > 0.0
-        if self._given is not None and not (allowed and self._given[1] == self._consumer.brakes):
+        if self._given is None or not allowed or self._given[1] != self._consumer.brakes:
             self._given = None
-        return self._given[0] if self._given is not None else None
+            return None
+        return self._given[0]

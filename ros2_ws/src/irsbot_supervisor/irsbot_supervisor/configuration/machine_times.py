@@ -59,10 +59,9 @@ def proposals(settings: Settings, met: Times, period_s: float) -> list[Proposed]
     between the samples of the run."""
     allowed_s = judging_time(settings.judging_s, max(period_s, settings.sample_gap_s))
     judging = settings.judging_s if met.judging_s <= allowed_s else _up(LATE * met.judging_s)
-    gap = _up(STALE * met.sample_gap_s)
-    stale, silence = max(settings.stale_s, gap, judging), "twice the longest interval between samples"
-    if judging > max(settings.stale_s, gap):
-        silence = "as judging_s: while a sample is judged, no other is"
+    stale, silence = max(settings.stale_s, _up(STALE * met.sample_gap_s)), "twice the longest interval between samples"
+    if judging > stale:
+        stale, silence = judging, "as judging_s: while a sample is judged, no other is"
     heartbeat = max(settings.heartbeat_s, _up(met.verdict_gap_s / STALE))
     latency = max(settings.latency_s, _up(LATE * met.delay_s))
     beating = "half the longest interval between verdicts"

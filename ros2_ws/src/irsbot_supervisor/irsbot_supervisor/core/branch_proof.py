@@ -20,7 +20,7 @@ class BranchProof:
     """Keeps the last region, in which the next ones of a robot that hardly moves lie too."""
 
     def __init__(self, settings: Settings, mechanism: Mechanism) -> None:
-        self._bounds, self._cuts = BoxBounds(mechanism, settings.slack_m), CUTS_OF_A_SAMPLE
+        self._bounds = BoxBounds(mechanism, settings.slack_m)
         self._free: tuple[Floats, Floats] | None = None  # low and high ends, rad or m
 
     def forget(self) -> None:
@@ -34,10 +34,11 @@ class BranchProof:
         self._free = None
         if silence.in_time:  # as may be the samples that follow
             wide = wider(silence.low, silence.high, WIDER)
-            if self._is_free(at, *wide, self._cuts // 2):
+            if self._is_free(at, *wide, CUTS_OF_A_SAMPLE // 2):
                 self._free = wide
                 return True
-        return self._is_free(at, silence.low, silence.high, self._cuts // 2 if silence.in_time else self._cuts)
+        cuts = CUTS_OF_A_SAMPLE // 2 if silence.in_time else CUTS_OF_A_SAMPLE
+        return self._is_free(at, silence.low, silence.high, cuts)
 
     def _is_free(self, at: Posture, low: Floats, high: Floats, cuts: int) -> bool:
         return self._bounds.least(at, low, high, APART, cuts)[1] >= LEAST_LIMIT

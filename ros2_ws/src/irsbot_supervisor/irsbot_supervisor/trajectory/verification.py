@@ -88,7 +88,6 @@ class Walk:
         prediction_delay_s: float | None = None,
     ) -> None:
         self._mechanism = robot.mechanism
-        self._cuts = CUTS_OF_A_SAMPLE  # as many as before a robot is stopped
         self._bounds = BoxBounds(robot.mechanism, settings.slack_m)
         self._box, self._ahead_s, self._latency_s = ReachableBox(settings), prediction_delay_s, settings.latency_s
         self._excess = (
@@ -185,7 +184,8 @@ class Walk:
     def start(self) -> Violation | None:
         """Check that the motion begins in the configured branch; afterwards positive margins keep it there."""
         first = self._motion.q[0]
-        at, certified, _ = self._bound(first, first, np.zeros_like(first), np.zeros_like(first), self._cuts)
+        # as many cuts as before a robot is stopped
+        at, certified, _ = self._bound(first, first, np.zeros_like(first), np.zeros_like(first), CUTS_OF_A_SAMPLE)
         begin = float(self._motion.times[0])
         if at.status != Status.SOLVED or at.working_mode != self._working:
             what = "no pose belongs to the joints" if at.status != Status.SOLVED else f"working mode {at.working_mode}"
@@ -218,7 +218,7 @@ class Walk:
         at, certified, small = self._bound(*box, *rates, 0)
         middle = 0.5 * (start + end)
         if not self._settled(certified, begin + middle * length) and small:
-            at, certified, _ = self._bound(*box, *rates, self._cuts)
+            at, certified, _ = self._bound(*box, *rates, CUTS_OF_A_SAMPLE)
         if self._settled(certified, begin + middle * length):
             self._advance(at, motion.part(segment, end, end)[0])
             return None
