@@ -99,9 +99,8 @@ class LastCommand {
 
   // The command to follow; nullptr: brake.
   const Command * now(std::int64_t now_ns) {
-    const bool allowed = consumer_.allowed(now_ns) > 0.0;
-    given_ = given_ && allowed && brakes_ == consumer_.brakes();
-    return given_ ? &command_ : nullptr;
+    consumer_.allowed(now_ns);  // a silence until now has ended motion
+    return given_ && brakes_ == consumer_.brakes() ? &command_ : nullptr;
   }
 
  private:

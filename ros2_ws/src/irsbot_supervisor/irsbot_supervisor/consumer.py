@@ -91,8 +91,7 @@ class LastCommand(Generic[Command]):
 
     def now(self, now_ns: int) -> Command | None:
         """The command to follow; None: brake."""
-        allowed = self._consumer.allowed(now_ns) > 0.0
-        if self._given is None or not allowed or self._given[1] != self._consumer.brakes:
-            self._given = None
+        self._consumer.allowed(now_ns)  # a silence until now has ended motion
+        if self._given is None or self._given[1] != self._consumer.brakes:
             return None
         return self._given[0]
