@@ -39,6 +39,7 @@ NUMBERS = {
     "stale_s": (0.05, 0.001, 10.0),
     "sample_gap_s": (0.0, 0.0, 10.0),
     "judging_s": (0.0, 0.0, 1.0),
+    "bounding_s": (0.0, 0.0, 0.1),
     "heartbeat_s": (0.01, 0.001, 0.02),
     "age_limit_s": (0.05, 0.001, 10.0),
     "future_limit_s": (0.02, 0.0, 10.0),

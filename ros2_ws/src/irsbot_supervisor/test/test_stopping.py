@@ -184,13 +184,20 @@ def test_a_robot_whose_arm_is_longer_than_it_should_be_is_within_the_bounds():
 # --- bounded work, and proofs that are used again ------------------------------------------------------------------
 
 
+def with_time_for(settings: Settings, cuts: int) -> Settings:
+    """The time of one box is stated, and that of a sample, both far too short to change the reachable box."""
+    return replace(settings, bounding_s=1e-6, judging_s=(3 + 2 * cuts) * 1e-6)
+
+
+@pytest.mark.parametrize("cuts", [CUTS_OF_A_SAMPLE, 4, 1, 0])
 @every_robot
-def test_the_work_for_one_sample_is_bounded_however_near_a_limit_the_robot_is(name):
+def test_the_work_for_one_sample_is_bounded_however_near_a_limit_the_robot_is(name, cuts):
     """The quickest look, a wider box and the box itself; every cut makes two, and none counts for both."""
     settings, robot = shipped(name)
+    settings = with_time_for(settings, cuts)
     counted = Counted(robot.mechanism)
-    most = 3 + 2 * CUTS_OF_A_SAMPLE
-    rng, cut = np.random.default_rng(6), 0
+    most = 3 + 2 * cuts
+    rng, spent = np.random.default_rng(6), 0
     for at in postures(name, 24):
         for share in (0.1, 0.5, 1.0):
             speeds = speeds_of(rng, settings, share)
@@ -205,8 +212,30 @@ def test_the_work_for_one_sample_is_bounded_however_near_a_limit_the_robot_is(na
             predictor, counted.boxes = StoppingPredictor(replace(settings, **limits), counted), 0
             predictor.predict(at, speeds, 0.002)
             assert counted.boxes <= most
-            cut += counted.boxes > 5
-    assert cut >= 3, "nothing was cut: the fixture proves nothing"
+            spent += counted.boxes > min(5, most - 1)
+    assert spent >= 3, "the cuts were not spent: the fixture proves nothing"
+
+
+@pytest.mark.parametrize("name", ["irsbot2", "orthoglide", "rrr3"])
+def test_what_is_not_proved_in_time_is_not_proved(name):
+    """Limits for which the cuts are needed: between what is proved without them, and with them."""
+    settings, robot = shipped(name)
+    rng, needed, bounds = np.random.default_rng(9), 0, BoxBounds(robot.mechanism, settings.slack_m)
+    for at in postures(name, least=0.3):
+        speeds = speeds_of(rng, settings, 0.3)
+        low, high = box_of(settings, at, speeds, 0.002)
+        goal = (*(0.98 * met(name, settings, at, low, high, rng)[:2]).tolist(), -inf, -inf)
+        box = tuple(low.tolist()), tuple(high.tolist())
+        few, many = (np.array(bounds.least(at, *box, goal, cuts)[:2]) for cuts in (0, CUTS_OF_A_SAMPLE))
+        least = np.maximum(0.5 * (few + many), 1e-3)
+        limits = {f"type{k + 1}_{which}": float(least[k]) for k in (0, 1) for which in ("warn", "stop")}
+        spare = []
+        for cuts in (0, CUTS_OF_A_SAMPLE):
+            timed = with_time_for(replace(settings, **limits), cuts)
+            certified = StoppingPredictor(timed, robot.mechanism).predict(at, speeds, 0.002)
+            spare.append(float(np.min(np.subtract(certified, limits_of(timed, "stop"))[:2])))
+        needed += spare[0] < 0.0 <= spare[1]
+    assert needed
 
 
 def near_a_limit(name: str) -> tuple[Settings, irs.Robot, irs.Posture]:

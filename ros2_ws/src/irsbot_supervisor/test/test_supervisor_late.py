@@ -6,6 +6,7 @@ import re
 from pathlib import Path
 
 import pytest
+from counted import Counted
 from supervised import (
     BOUNDARY,
     approach,
@@ -96,3 +97,37 @@ def test_a_robot_that_moves_towards_a_limit_is_stopped_however_late_samples_come
     assert all(level >= Level.STOP for state, level in seen if min(state.type1_margin) < stop + 0.05)
     assert min(min(state.type1_margin) for state, _level in seen) < stop, "it never got there: the test proves nothing"
     assert newest(steps).latched
+
+
+# --- the time of one sample -------------------------------------------------------------------------------------------
+
+
+def boxes_of_steps(pause_ms: int, **changes: float) -> tuple[int, int]:
+    """Most boxes for one sample before a stop is latched and after it: of a robot that comes near a limit slowly and
+    fast."""
+    before = after = 0
+    for rates in ((-0.3, 0.3), (-3.0, 3.0)):
+        settings, robot = settings_of("irsbot2", **changes)
+        robot.mechanism = counted = Counted(robot.mechanism)
+        supervisor = Supervisor(settings, robot)
+        q = joints_of(supervisor, *BOUNDARY)
+        feed(supervisor, resting(-200, 0, q))
+        for ms in [ms for k in range(6) for ms in range(k * (20 + pause_ms), k * (20 + pause_ms) + 20)]:
+            view, counted.boxes = supervisor.view, 0
+            supervisor.step(approach(q, ms, rates), report=False)
+            if view is None or view.judgement.latched:
+                after = max(after, counted.boxes)
+            else:
+                before = max(before, counted.boxes)
+    return before, after
+
+
+@pytest.mark.parametrize("pause_ms", [0, 30])
+@pytest.mark.parametrize("cuts", [0, 2])
+def test_where_the_time_of_a_box_is_stated_every_sample_keeps_its_time(cuts: int, pause_ms: int) -> None:
+    """For the branch of a stopped robot, and after a pause, as much again is needed."""
+    most = 3 + 2 * cuts
+    before, after = boxes_of_steps(pause_ms, bounding_s=1e-6, judging_s=most * 1e-6)
+    assert before <= (2 * most if pause_ms else most)
+    assert after <= 2 * most
+    assert min(boxes_of_steps(pause_ms)) > 7, "no sample needs more: the run proves nothing"

@@ -12,14 +12,20 @@ from rich.table import Table
 from irsbot_kinematics import BadInput
 from irsbot_kinematics.description.urdf import joint_ranges
 from irsbot_supervisor.cli.common import Failed, err, existing, out, print_json
+from irsbot_supervisor.configuration.box_time import REPETITIONS, cuts_that_pay, longest_box_s, time_for_cuts
 from irsbot_supervisor.configuration.loading import PARAMETERS, read_settings, robot_of, shipped_values
-from irsbot_supervisor.configuration.machine_times import proposals
+from irsbot_supervisor.configuration.machine_times import proposals, proposed_bounding
 from irsbot_supervisor.configuration.proposal import LimitProposal, Plant, Proposal, propose
 from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.core.stopping import CUTS_OF_A_SAMPLE
 from irsbot_supervisor.sim.simulation import Simulation
+from irsbot_supervisor.validation.bench.one_sample import hardest_prediction
 
 FORCE_RATIO = 20.0 / 3.0
 """Default: the legs of a fast light robot carry about ten times the load in its own accelerations."""
+
+PREDICTIONS = 200
+"""Number of stopping predictions of which --measure takes the longest."""
 
 RATE_HZ = 1000.0
 """Default: joint states per second of a usual controller."""
@@ -50,8 +56,8 @@ def limits(
     """Propose every limit of the supervision, with the reason. Options that are left out use the shipped settings.
 
     Exit code 1 if the robot could not be stopped from its speed within its margins. With --measure the command proposes
-    only stale_s, heartbeat_s, latency_s and judging_s, from measurements on this computer; exit code 1 then means that
-    the computer does not keep those in force.
+    only stale_s, heartbeat_s, latency_s, bounding_s and judging_s, from measurements on this computer; exit code 1 then
+    means that the computer does not keep those in force.
 
     Example: irsbot limits irsbot2 --speed 12 --deceleration 400 --rate 500 -o mine.yaml.
     """
@@ -114,18 +120,25 @@ def _ranges(description: Path, names: list[str]) -> list[Proposal]:
 
 def _measured(robot: str, seconds: float, output: Path | None, as_json: bool) -> None:
     """Times that this computer keeps. Raises Failed where it does not keep those in force."""
-    settings, _machine = read_settings(robot)
+    settings, machine = read_settings(robot)
     from irsbot_supervisor.processes.measuring import measure  # needs ROS, which the rest does not
 
     if not as_json:
         err.print(f"the suite runs for {seconds:g} s; load this computer as it will be at work")
-    found = proposals(settings, measure(robot, seconds), 1.0 / Simulation().rate_hz)
+    met, period_s = measure(robot, seconds), 1.0 / Simulation().rate_hz
+    if not as_json:
+        err.print("now boxes near the limits are bounded")
+    hardest_s = 1e-9 * hardest_prediction(settings, machine, PREDICTIONS, REPETITIONS)
+    box_s = max(longest_box_s(settings, machine.mechanism, period_s), hardest_s / time_for_cuts(1.0, CUTS_OF_A_SAMPLE))
+    bounding = proposed_bounding(settings, box_s)
+    cuts = cuts_that_pay(settings, machine.mechanism, bounding.value, period_s)
+    found = proposals(settings, met, period_s, bounding, cuts)
     if as_json:
         print_json([one._asdict() for one in found])
     else:
         table = Table("setting", "in force [s]", "longest met [s]", "proposed [s]", "why")
         for one in found:
-            table.add_row(one.name, f"{one.now:g}", f"{one.met:.4f}", f"{one.value:g}", one.why)
+            table.add_row(one.name, f"{one.now:g}", f"{one.met:.4g}", f"{one.value:g}", one.why)
         out.print(table)
     if output is not None:
         lines = [f"    {one.name}: {one.value!r}  # {one.why}" for one in found]

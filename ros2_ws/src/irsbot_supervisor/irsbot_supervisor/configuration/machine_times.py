@@ -4,14 +4,21 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from math import inf
+from math import ceil, inf
 from typing import NamedTuple
 
+from irsbot_supervisor.configuration.box_time import time_for_cuts
 from irsbot_supervisor.core.estimation.sample_interval import judging_time
 from irsbot_supervisor.core.settings import Settings
 
 STALE, LATE = 2.0, 1.5
 """Factors on measured times: a longer run shows longer times."""
+
+TEN_US = 1e-5
+"""s: step of short proposed times."""
+
+ROUNDING = 1e-6
+"""1: part of a step that is no time, but the rounding of a product."""
 
 MOST_HEARTBEAT_S = 0.02
 """s: the largest heartbeat that the settings allow; consumers brake after 0.1 s."""
@@ -54,11 +61,21 @@ def longest(
     return Times(gap(seen_s), gap(heard_s), *slowest)
 
 
-def proposals(settings: Settings, met: Times, period_s: float) -> list[Proposed]:
-    """stale_s, heartbeat_s, latency_s and judging_s from measured times; never below the values in force. period_s:
-    between the samples of the run."""
-    allowed_s = judging_time(settings.judging_s, max(period_s, settings.sample_gap_s))
-    judging = settings.judging_s if met.judging_s <= allowed_s else _up(LATE * met.judging_s)
+def proposed_bounding(settings: Settings, box_s: float) -> Proposed:
+    """bounding_s from the longest time to bound one box; never below the value in force, kept if none is stated."""
+    now, needed = settings.bounding_s, _up(LATE * box_s, TEN_US)
+    kept = now == 0.0 or needed <= now
+    return Proposed("bounding_s", now, box_s, max(now, needed), "1.5 times the longest to bound one box", kept)
+
+
+def proposals(settings: Settings, met: Times, period_s: float, bounding: Proposed, cuts: int) -> list[Proposed]:
+    """stale_s, heartbeat_s, latency_s, bounding_s and judging_s from measured times; never below the values in force.
+    period_s: between the samples of the run. cuts: that a sample has to have time for."""
+    allowed_s = judging_time(settings.judging_s, max(period_s, settings.least_gap_s))
+    judged = settings.judging_s if met.judging_s <= allowed_s else _up(LATE * met.judging_s)
+    judging, why = _up(time_for_cuts(bounding.value, cuts), TEN_US), f"time for {cuts} cuts"
+    if judged >= judging:
+        judging, why = judged, "1.5 times the longest judging of a sample"
     stale, silence = max(settings.stale_s, _up(STALE * met.sample_gap_s)), "twice the longest interval between samples"
     if judging > stale:
         stale, silence = judging, "as judging_s: while a sample is judged, no other is"
@@ -71,7 +88,8 @@ def proposals(settings: Settings, met: Times, period_s: float) -> list[Proposed]
         _proposed("stale_s", settings.stale_s, met.sample_gap_s, stale, silence),
         _proposed("heartbeat_s", settings.heartbeat_s, met.verdict_gap_s, heartbeat, beating, MOST_HEARTBEAT_S),
         _proposed("latency_s", settings.latency_s, met.delay_s, latency, "1.5 times the longest way to a verdict"),
-        _proposed("judging_s", settings.judging_s, met.judging_s, judging, "1.5 times the longest judging of a sample"),
+        bounding,
+        Proposed("judging_s", settings.judging_s, met.judging_s, judging, why, judged <= settings.judging_s),
     ]
 
 
@@ -79,6 +97,7 @@ def _proposed(name: str, now: float, met: float, needed: float, why: str, most: 
     return Proposed(name, now, met, min(needed, most), why, needed <= now)
 
 
-def _up(seconds: float) -> float:
-    """Rounded up to a whole ms."""
-    return -(-seconds * 1e3 // 1.0) / 1e3 if seconds < inf else seconds
+def _up(seconds: float, step_s: float = 1e-3) -> float:
+    """Rounded up to a whole number of steps."""
+    per_s = round(1.0 / step_s)
+    return ceil(seconds * per_s - ROUNDING) / per_s if seconds < inf else seconds

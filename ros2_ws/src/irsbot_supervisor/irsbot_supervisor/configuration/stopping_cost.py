@@ -24,7 +24,7 @@ from irsbot_supervisor.core.estimation.observer import Observer
 from irsbot_supervisor.core.estimation.sample_interval import judging_time
 from irsbot_supervisor.core.reachable_box import ReachableBox
 from irsbot_supervisor.core.settings import Settings
-from irsbot_supervisor.core.stopping import CUTS_OF_A_SAMPLE, limits_of
+from irsbot_supervisor.core.stopping import cuts_of, limits_of
 
 POSTURES = 200
 """Number of postures above the stop limits in which the robot rests: their share is exact within a few per cent."""
@@ -57,7 +57,7 @@ def costs(settings: Settings, mechanism: Mechanism, rate_hz: float) -> list[Cost
         ("stamp_jitter_s 0", replace(settings, stamp_jitter_s=0.0), rate_hz),
     ]
     best = next(candidates(settings, mechanism), None)
-    places = _places(settings, mechanism)
+    places = places_above_stop(settings, mechanism)
     return [_cost(what, machine, mechanism, 1.0 / rate, best, places) for what, machine, rate in machines]
 
 
@@ -70,6 +70,12 @@ def speeds_at_rest(settings: Settings, joints: tuple[Coordinate, ...], period_s:
     for sample in range(1, SETTLED * ceil(window_s / period_s) + SETTLED):
         speeds = observer.update(round(sample * period_s * NS_PER_S), still) or speeds
     return speeds
+
+
+def free_time(settings: Settings, period_s: float) -> float:
+    """T, s: from a sample, which is not delayed, until brakes act, if the next sample is the one that stops."""
+    gap_s = max(period_s, settings.least_gap_s)
+    return gap_s + judging_time(settings.judging_s, gap_s) + settings.latency_s
 
 
 def box_ways(settings: Settings, speeds: Speeds, free_s: float) -> tuple[Floats, Floats]:
@@ -90,7 +96,7 @@ def platform_way(mechanism: Mechanism, at: Posture, joint: int, travel: float) -
     return max(ways) if all(way == way for way in ways) else nan
 
 
-def _places(settings: Settings, mechanism: Mechanism) -> list[Posture]:
+def places_above_stop(settings: Settings, mechanism: Mechanism) -> list[Posture]:
     """Postures above the stop limits, an even sample."""
     found, stop = postures(settings, mechanism), np.array(limits_of(settings, "stop"))
     kept = found.joints[(found.margins >= stop).all(axis=1)]
@@ -102,13 +108,11 @@ def _places(settings: Settings, mechanism: Mechanism) -> list[Posture]:
 def _cost(
     what: str, settings: Settings, mechanism: Mechanism, period_s: float, best: Posture | None, places: list[Posture]
 ) -> Cost:
-    gap_s = max(period_s, settings.sample_gap_s)
-    free_s = gap_s + judging_time(settings.judging_s, gap_s) + settings.latency_s
-    fastest = Speeds(settings.velocity_limit, settings.velocity_limit)
+    free_s, fastest = free_time(settings, period_s), Speeds(settings.velocity_limit, settings.velocity_limit)
     rest = box_ways(settings, speeds_at_rest(settings, mechanism.joints, period_s), free_s)[0]
     full = box_ways(settings, fastest, free_s)[0]
     slow_m, fast_m = [nan if best is None else _farthest(mechanism, best, way) for way in (rest, full)]
-    return Cost(what, free_s, rest, full, slow_m, fast_m, _stopped(settings, mechanism, places, rest))
+    return Cost(what, free_s, rest, full, slow_m, fast_m, stopped_at_rest(settings, mechanism, places, rest))
 
 
 def _farthest(mechanism: Mechanism, at: Posture, ways: Floats) -> float:
@@ -116,12 +120,13 @@ def _farthest(mechanism: Mechanism, at: Posture, ways: Floats) -> float:
     return max(each) if all(way == way for way in each) else nan
 
 
-def _stopped(settings: Settings, mechanism: Mechanism, places: list[Posture], ways: Floats) -> float:
-    """Share of postures whose box cannot be certified with the supervisor's number of cuts."""
-    bounds, stop = BoxBounds(mechanism, settings.slack_m), limits_of(settings, "stop")
+def stopped_at_rest(settings: Settings, mechanism: Mechanism, places: list[Posture], ways: Floats) -> float:
+    """Share of postures around which a box cannot be certified with the supervisor's number of cuts. ways: half extents
+    of the box, rad or m."""
+    bounds, stop, cuts = BoxBounds(mechanism, settings.slack_m), limits_of(settings, "stop"), cuts_of(settings)
     lost = 0
     for at in places:
         low = tuple([q - way for q, way in zip(at.joints, ways, strict=True)])
         high = tuple([q + way for q, way in zip(at.joints, ways, strict=True)])
-        lost += not spare_of(bounds.least(at, low, high, stop, CUTS_OF_A_SAMPLE), stop) >= 0.0
+        lost += not spare_of(bounds.least(at, low, high, stop, cuts), stop) >= 0.0
     return lost / len(places) if places else 1.0

@@ -10,7 +10,7 @@ from irsbot_msgs_py.records import Floats
 from irsbot_supervisor.core.box_search import BoxBounds
 from irsbot_supervisor.core.estimation.estimate import Silence
 from irsbot_supervisor.core.settings import LEAST_LIMIT, Settings
-from irsbot_supervisor.core.stopping import CUTS_OF_A_SAMPLE, WIDER, wider
+from irsbot_supervisor.core.stopping import WIDER, cuts_of, wider
 
 APART = (-inf, LEAST_LIMIT, -inf, -inf)
 """Goal of the bounds: no Type 2 singularity is met."""
@@ -21,6 +21,7 @@ class BranchProof:
 
     def __init__(self, settings: Settings, mechanism: Mechanism) -> None:
         self._bounds = BoxBounds(mechanism, settings.slack_m)
+        self._cuts = cuts_of(settings)
         self._free: tuple[Floats, Floats] | None = None  # low and high ends, rad or m
 
     def forget(self) -> None:
@@ -34,10 +35,10 @@ class BranchProof:
         self._free = None
         if silence.in_time:  # as may be the samples that follow
             wide = wider(silence.low, silence.high, WIDER)
-            if self._is_free(at, *wide, CUTS_OF_A_SAMPLE // 2):
+            if self._is_free(at, *wide, self._cuts // 2):
                 self._free = wide
                 return True
-        cuts = CUTS_OF_A_SAMPLE // 2 if silence.in_time else CUTS_OF_A_SAMPLE
+        cuts = self._cuts // 2 if silence.in_time else self._cuts
         return self._is_free(at, silence.low, silence.high, cuts)
 
     def _is_free(self, at: Posture, low: Floats, high: Floats, cuts: int) -> bool:

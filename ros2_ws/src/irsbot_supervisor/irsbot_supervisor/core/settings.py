@@ -28,6 +28,10 @@ UNTRUSTED = 1e4
 UNLIMITED = 1e6
 """rad or m: a limit this large means no limit."""
 
+BOXES_WITHOUT_CUTS = 3
+"""1: a sample without cuts takes no longer than so many boxes: the reachable box, a wider one, and all else of the
+step."""
+
 
 class InvalidSettings(ValueError):
     """Settings that cannot be used; the message names every fault with its values."""
@@ -112,7 +116,7 @@ class Settings:
     )
     stale_s: float = _number(0.05, "s", "longest time without a good sample; then UNKNOWN", 0.001, 10.0)
     sample_gap_s: float = _number(
-        0.0, "s", "interval between samples that is always expected; 0: as learned", 0.0, 10.0
+        0.0, "s", "interval between samples that is always expected, at least judging_s; 0: as learned", 0.0, 10.0
     )
     judging_s: float = _number(
         0.0,
@@ -120,6 +124,9 @@ class Settings:
         "longest time to judge a sample; at least the interval between samples, or 5 ms if that is less, counts",
         0.0,
         1.0,
+    )
+    bounding_s: float = _number(
+        0.0, "s", "longest time to bound one box; the cuts are those that fit in judging_s. 0: all cuts", 0.0, 0.1
     )
     heartbeat_s: float = _number(0.01, "s", "time after which a verdict is repeated", 0.001, 0.02)
     age_limit_s: float = _number(0.05, "s", "oldest acceptable stamp on arrival", 0.001, 10.0)
@@ -151,6 +158,16 @@ class Settings:
     def slack_m(self) -> float:
         """m: error of lengths and places of a leg, for certified bounds: `slack_m` of `Mechanism.certified_bounds`."""
         return self.geometry_tolerance_m + (self.compliance_slack_m if self.compliance == "counted" else 0.0)
+
+    @property
+    def least_gap_s(self) -> float:
+        """s: interval between samples that is always expected: while a sample is judged, the next one waits."""
+        return max(self.sample_gap_s, self.judging_s)
+
+    def has_time_for(self, cuts: int) -> bool:
+        """True if a sample with so many cuts, each of two boxes, is judged in `judging_s`."""
+        needed_s = (BOXES_WITHOUT_CUTS + 2 * cuts) * self.bounding_s
+        return needed_s <= self.judging_s * (1.0 + 1e-9)  # the last digits of decimal fractions differ
 
     @property
     def config_hash(self) -> str:
@@ -267,6 +284,9 @@ def _cross_faults(settings: Settings, robot: Robot) -> list[str]:
         for name in ("sample_gap_s", "judging_s")
         if not getattr(settings, name) <= settings.stale_s
     ]
+    if not settings.has_time_for(0):
+        boxes = f"{BOXES_WITHOUT_CUTS} times bounding_s ({settings.bounding_s!r}): a sample takes that without cuts"
+        faults.append(f"judging_s ({settings.judging_s!r}) must be at least {boxes}")
     if not all(low < high for low, high in zip(settings.position_lower, settings.position_upper, strict=True)):
         faults.append(
             f"position_lower {settings.position_lower} must be below position_upper {settings.position_upper}"

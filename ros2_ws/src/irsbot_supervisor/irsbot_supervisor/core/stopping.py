@@ -3,14 +3,15 @@ drives do.
 
 `reachable_box` bounds the displacement of every joint until it stands. The mechanism bounds its margins from below over
 boxes of joint positions. One box usually suffices; where it does not, the worst part is cut further. A margin that is
-not proved within the allowed number of cuts counts as 0.
+not proved within the allowed number of cuts counts as 0. This number follows from the time in which the sample has to
+be judged, where the settings state how long one box takes.
 """
 
 from __future__ import annotations
 
 from math import inf
 from operator import add, sub
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from irsbot_kinematics import Mechanism, Posture
 from irsbot_msgs_py.records import Floats
@@ -26,12 +27,10 @@ from irsbot_supervisor.core.box_search import (
 from irsbot_supervisor.core.estimation.estimate import Speeds
 from irsbot_supervisor.core.margins import Margins
 from irsbot_supervisor.core.reachable_box import ReachableBox
-
-if TYPE_CHECKING:
-    from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.core.settings import Settings
 
 CUTS_OF_A_SAMPLE = 12
-"""Number of cuts for one sample in total. The robot moves during the computation."""
+"""Number of cuts for one sample in total, if its time is not limited. The robot moves during the computation."""
 
 FOR_A_WARNING = 0.75
 """1: share of the cuts that the goal of no warning may use; the others are for the goal of no stop."""
@@ -79,7 +78,7 @@ class StoppingPredictor:
         self._bounds = BoxBounds(mechanism, settings.slack_m)
         self._box = ReachableBox(settings)
         self._flicker = (settings.encoder_resolution,) * len(mechanism.joints)  # rad or m, of a resting joint
-        cuts = PATIENT_CUTS if patient else CUTS_OF_A_SAMPLE
+        cuts = PATIENT_CUTS if patient else cuts_of(settings)
         self._cuts = cuts
         self._usual = (release_of(settings), int(FOR_A_WARNING * cuts)), (limits_of(settings, "stop"), cuts)
         self.known: Known | None = None  # the last box
@@ -186,6 +185,11 @@ class StoppingPredictor:
     def travel(self, speeds: Speeds, prediction_delay_s: float) -> tuple[list[float], list[float]]:
         """rad or m: displacement of the joints forward and backward until they stand."""
         return self._box.until_rest(speeds, prediction_delay_s + self._latency)
+
+
+def cuts_of(settings: Settings) -> int:
+    """Number of cuts for one sample: those for which there is time."""
+    return sum(settings.has_time_for(cuts) for cuts in range(1, CUTS_OF_A_SAMPLE + 1))
 
 
 def _shares(low: Floats, high: Floats, share: float) -> Floats:

@@ -405,9 +405,8 @@ class Supervisor:
         prediction_delay_s, stop = estimate.in_time_s, self._stop
         if prediction_delay_s is None or self._latch.latched or spare_of(certified, stop) >= 0.0:
             return None
-        better = self._predictor.predict(
-            at, self._estimator.in_time(estimate, prediction_delay_s), prediction_delay_s, stop
-        )
+        speeds, has_time = self._estimator.in_time(estimate, prediction_delay_s), self.settings.bounding_s == 0.0
+        better = self._predictor.predict(at, speeds, prediction_delay_s, stop, search=has_time)
         return better if spare_of(better, stop) >= 0.0 else None
 
     def _rejected(

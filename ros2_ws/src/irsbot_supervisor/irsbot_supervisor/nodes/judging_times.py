@@ -33,5 +33,5 @@ class JudgingTimes:
         if not fresh:
             return GraphFault("judging", DiagnosticStatus.OK, "every sample is judged in time")
         text = f"{fresh} samples took longer to judge than the certified box allows, up to {worst_s * 1e3:.1f} ms "
-        text += f"of {allowed_s * 1e3:.1f} ms: state judging_s"
+        text += f"of {allowed_s * 1e3:.1f} ms: state bounding_s and judging_s (irsbot limits --measure)"
         return GraphFault("judging", DiagnosticStatus.WARN, text)

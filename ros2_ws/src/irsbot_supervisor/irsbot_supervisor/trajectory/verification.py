@@ -25,7 +25,7 @@ from irsbot_supervisor.core.margins import MARGIN_CAUSES, MARGIN_TEXTS, Margins,
 from irsbot_supervisor.core.position_limits import PositionLimits
 from irsbot_supervisor.core.reachable_box import ReachableBox, position_error
 from irsbot_supervisor.core.settings import Settings
-from irsbot_supervisor.core.stopping import CUTS_OF_A_SAMPLE, limits_of
+from irsbot_supervisor.core.stopping import cuts_of, limits_of
 from irsbot_supervisor.trajectory.certificate import Certificate, Minima, Violation
 from irsbot_supervisor.trajectory.joint_path import BadTrajectory
 from irsbot_supervisor.trajectory.segments import JointSegments
@@ -102,6 +102,7 @@ class Walk:
         self._stop = limits or limits_of(settings, "stop")
         self._error = position_error(settings)
         self._slack_m = settings.slack_m
+        self._cuts = cuts_of(settings)  # as many as before a robot is stopped
         self._minima = [(inf, 0.0)] * len(MARGIN_CAUSES)
         self._here = begin  # at the end of the certified part
 
@@ -184,8 +185,7 @@ class Walk:
     def start(self) -> Violation | None:
         """Check that the motion begins in the configured branch; afterwards positive margins keep it there."""
         first = self._motion.q[0]
-        # as many cuts as before a robot is stopped
-        at, certified, _ = self._bound(first, first, np.zeros_like(first), np.zeros_like(first), CUTS_OF_A_SAMPLE)
+        at, certified, _ = self._bound(first, first, np.zeros_like(first), np.zeros_like(first), self._cuts)
         begin = float(self._motion.times[0])
         if at.status != Status.SOLVED or at.working_mode != self._working:
             what = "no pose belongs to the joints" if at.status != Status.SOLVED else f"working mode {at.working_mode}"
@@ -218,7 +218,7 @@ class Walk:
         at, certified, small = self._bound(*box, *rates, 0)
         middle = 0.5 * (start + end)
         if not self._settled(certified, begin + middle * length) and small:
-            at, certified, _ = self._bound(*box, *rates, CUTS_OF_A_SAMPLE)
+            at, certified, _ = self._bound(*box, *rates, self._cuts)
         if self._settled(certified, begin + middle * length):
             self._advance(at, motion.part(segment, end, end)[0])
             return None

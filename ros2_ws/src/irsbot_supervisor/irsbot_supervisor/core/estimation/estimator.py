@@ -63,7 +63,7 @@ class Estimator:
         self._settings, self._stale_s, self._judging_s = settings, settings.stale_s, settings.judging_s
         self._slow, self._step = settings.standstill_speed, 2.0 * settings.encoder_resolution
         self._box = ReachableBox(settings)
-        self._intervals.configure(settings.stale_s, settings.sample_gap_s, settings.heartbeat_s)
+        self._intervals.configure(settings.stale_s, settings.least_gap_s, settings.heartbeat_s)
         for part in (self._observer, self._reported, self._jumps, self._frozen, self._silences):
             part.configure(settings)
 

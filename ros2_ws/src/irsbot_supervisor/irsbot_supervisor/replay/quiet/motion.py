@@ -224,7 +224,7 @@ class MotionColumns:
         settings = self._settings
         gap = np.where((passed < stamped) & (stamped <= settings.stale_s), stamped, passed)
         second, since, longest = second_largest(seen, gap, SETTLING * settings.stale_s * NS_PER_S, history.longest)
-        most = np.maximum(np.where(second == 0.0, gap, second), settings.sample_gap_s)
+        most = np.maximum(np.where(second == 0.0, gap, second), settings.least_gap_s)
         return most + np.maximum(settings.judging_s, np.minimum(most, JUDGING_S)), since, longest
 
     def _until_rest(self, speed: Values, free_s: Values) -> Values:

@@ -1,0 +1,71 @@
+"""The time of a box and the number of cuts that pays, by a clock that shows the number of boxes that were bounded."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from counted import Counted
+from supervised import settings_of
+
+from irsbot_supervisor.configuration import box_time
+from irsbot_supervisor.configuration.box_time import TRIED, cuts_that_pay, longest_box_s, time_for_cuts
+from irsbot_supervisor.configuration.stopping_cost import box_ways, free_time, places_above_stop, speeds_at_rest
+from irsbot_supervisor.core.box_search import BoxBounds, spare_of
+from irsbot_supervisor.core.stopping import cuts_of, limits_of
+
+PERIOD_S = 0.001
+
+
+@pytest.mark.parametrize("name", ["irsbot2", "rrr3"])
+def test_the_time_of_one_box_is_that_of_one_box(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    settings, robot = settings_of(name)
+    counted = Counted(robot.mechanism)
+    monkeypatch.setattr(box_time.time, "perf_counter_ns", lambda: counted.boxes)
+    assert longest_box_s(settings, counted, PERIOD_S) == pytest.approx(1e-9)
+
+
+def test_a_box_is_bounded_to_second_order_as_near_a_limit(monkeypatch: pytest.MonkeyPatch) -> None:
+    settings, robot = settings_of("irsbot2")
+    counted = Counted(robot.mechanism)
+    counted.sharp_bounds = lambda *given: counted.certified_bounds(*given)  # type: ignore[attr-defined]
+    monkeypatch.setattr(box_time.time, "perf_counter_ns", lambda: counted.boxes)
+    assert longest_box_s(settings, counted, PERIOD_S) == pytest.approx(2e-9)
+
+
+def shares(name: str, bounding_s: float) -> dict[int, float]:
+    """Share of postures in which a resting robot is stopped, by the number of cuts, each counted here."""
+    settings, robot = settings_of(name)
+    found = {}
+    for cuts in TRIED:
+        timed = replace(settings, bounding_s=bounding_s, judging_s=time_for_cuts(bounding_s, cuts))
+        speeds = speeds_at_rest(timed, robot.mechanism.joints, PERIOD_S)
+        ways, _ = box_ways(timed, speeds, free_time(timed, PERIOD_S))
+        places, bounds, stop = places_above_stop(timed, robot.mechanism), BoxBounds(robot.mechanism, 0.0), []
+        for at in places:
+            low, high = (tuple(q + side * way for q, way in zip(at.joints, ways, strict=True)) for side in (-1, 1))
+            least = bounds.least(at, low, high, limits_of(timed, "stop"), cuts)
+            stop.append(spare_of(least, limits_of(timed, "stop")) < 0.0)
+        found[cuts] = sum(stop) / len(stop)
+    return found
+
+
+@pytest.mark.parametrize(("name", "bounding_s"), [("irsbot2", 4e-5), ("irsbot2", 1.4e-4), ("rrr3", 2e-4)])
+def test_the_number_of_cuts_is_that_with_the_fewest_stops(name: str, bounding_s: float) -> None:
+    settings, robot = settings_of(name)
+    found = shares(name, bounding_s)
+    assert cuts_that_pay(settings, robot.mechanism, bounding_s, PERIOD_S) == min(found, key=lambda cuts: found[cuts])
+
+
+def test_cuts_that_take_no_time_pay_and_slow_ones_do_not() -> None:
+    settings, robot = settings_of("irsbot2")
+    assert cuts_that_pay(settings, robot.mechanism, 1e-9, PERIOD_S) >= 8
+    assert cuts_that_pay(settings, robot.mechanism, 5e-3, PERIOD_S) == 0
+
+
+def test_a_stated_judging_time_is_kept() -> None:
+    """A sample has that time anyway, and the cuts that fit in it cost nothing."""
+    settings, robot = settings_of("irsbot2")
+    settings = replace(settings, judging_s=0.004)
+    timed = replace(settings, bounding_s=0.00014)
+    assert cuts_that_pay(settings, robot.mechanism, 0.00014, PERIOD_S) <= cuts_of(timed) == 12
