@@ -125,9 +125,10 @@ def boxes_of_steps(pause_ms: int, **changes: float) -> tuple[int, int]:
 @pytest.mark.parametrize("pause_ms", [0, 30])
 @pytest.mark.parametrize("cuts", [0, 2])
 def test_where_the_time_of_a_box_is_stated_every_sample_keeps_its_time(cuts: int, pause_ms: int) -> None:
-    """For the branch of a stopped robot, and after a pause, as much again is needed."""
+    """As much again is needed for the branch of a stopped robot, and less after a pause: for a quick look at what it
+    would be without late samples, and for the branch, without a wider box."""
     most = 3 + 2 * cuts
     before, after = boxes_of_steps(pause_ms, bounding_s=1e-6, judging_s=most * 1e-6)
-    assert before <= (2 * most if pause_ms else most)
+    assert before <= (2 * most - 1 if pause_ms else most)
     assert after <= 2 * most
     assert min(boxes_of_steps(pause_ms)) > 7, "no sample needs more: the run proves nothing"
