@@ -12,7 +12,8 @@ from irsbot_msgs_py.records import Cause, Finding, Level
 from irsbot_supervisor.core.assessment import Assessment
 from irsbot_supervisor.core.estimation.estimate import Estimate, Speeds
 from irsbot_supervisor.core.margins import MARGIN_CAUSES, margins_of
-from irsbot_supervisor.core.policy import OBSERVABLE, Policy
+from irsbot_supervisor.core.policy import Policy
+from irsbot_supervisor.core.reaction import OBSERVABLE
 
 LIMITS = {
     **{"type1_warn": 0.3, "type1_stop": 0.2, "type2_warn": 0.4, "type2_stop": 0.1},

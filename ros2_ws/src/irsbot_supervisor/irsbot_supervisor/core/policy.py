@@ -11,12 +11,9 @@ from irsbot_supervisor.core.assessment import SOLVED, Assessment
 from irsbot_supervisor.core.estimation.estimate import Estimate
 from irsbot_supervisor.core.estimation.sample_interval import SETTLING
 from irsbot_supervisor.core.margins import ANY_MARGIN, MARGIN_CAUSES, MARGIN_KINDS, MARGIN_TEXTS, Margins
+from irsbot_supervisor.core.reaction import OBSERVABLE
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.core.stopping import limits_of, release_of
-
-OBSERVABLE = 0.1
-"""1: leg forces are computed from motor efforts only if the Type 1 margin is above this. A smaller divisor multiplies
-friction and current errors more than ten times."""
 
 
 class Policy:

@@ -12,7 +12,6 @@ from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.core.assessment import Assessment
 from irsbot_supervisor.core.estimation.estimate import Estimate
 from irsbot_supervisor.core.margins import MARGIN_CAUSES, Margins
-from irsbot_supervisor.core.policy import OBSERVABLE
 from irsbot_supervisor.core.reachable_box import position_error
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.core.stopping import limits_of
@@ -39,18 +38,6 @@ class Reporter:
         n, m = len(mechanism.joints), len(mechanism.task)
         self._no_joints, self._no_pose = (nan,) * n, (nan,) * m
         self._sizes = m, mechanism.limb_count
-
-    def reaction(self, estimate: Estimate, assessment: Assessment) -> Floats:
-        """Leg forces, N, from measured efforts: R = -tau / B, NaN near Type 1 or without efforts (sheet section 10)."""
-        if not estimate.effort:
-            return self._no_joints
-        at = assessment.at
-        return tuple(
-            [
-                _leg_force(effort, lever, sine)
-                for effort, lever, sine in zip(estimate.effort, at.levers, at.normalised_levers, strict=True)
-            ]
-        )
 
     def rejected(self, sample: JointSample, sequence: int, cause: int) -> SingularityState:
         """The state of a rejected sample: UNKNOWN, all numbers NaN."""
@@ -138,10 +125,6 @@ def _shrinking(then: Moment | None, stamp_ns: int, now: Margins, kind: int) -> f
     if then is None or not stamp_ns > then.stamp_ns:
         return 0.0
     return (then.margins[kind] - now[kind]) * NS_PER_S / (stamp_ns - then.stamp_ns)
-
-
-def _leg_force(effort: float, lever: float, sine: float) -> float:
-    return -effort / lever if abs(sine) >= OBSERVABLE else nan
 
 
 def _time_to_stop(spare: float, rate: float) -> float:

@@ -39,6 +39,7 @@ from irsbot_supervisor.core.pace import Pace
 from irsbot_supervisor.core.policy import Policy
 from irsbot_supervisor.core.position_limits import PositionLimits
 from irsbot_supervisor.core.reachable_box import ReachableBox
+from irsbot_supervisor.core.reaction import leg_forces
 from irsbot_supervisor.core.report import Moment, Reporter, governing
 from irsbot_supervisor.core.seed_pose import seen_posture
 from irsbot_supervisor.core.settings import LEAST_LIMIT, Settings, refuse_other_robot
@@ -329,7 +330,7 @@ class Supervisor:
         # At the first sample the speeds are unknown, and a box of all speeds would take milliseconds to no effect.
         certified = self._predictor.predict(at, estimate.speeds, estimate.prediction_delay_s, search=not first)
         self._covered = certified[1] >= LEAST_LIMIT
-        reaction = self._reporter.reaction(estimate, assessment)
+        reaction = leg_forces(estimate.effort, at)
         # While the interval is learned the level is UNKNOWN anyway: until then the posture alone stops a robot at rest.
         waits = first or (sample.seen_ns < self._known_ns and estimate.standing_s > 0.0)
         better = None if waits else self._in_time(at, estimate, certified)
@@ -461,7 +462,7 @@ class Supervisor:
         at = assessment.at
         predictor = StoppingPredictor(self.settings, self.robot.mechanism)  # nothing was proved of this branch yet
         certified = predictor.predict(at, good.speeds, good.prediction_delay_s) if at.status == SOLVED else None
-        active = self._policy.judge(good, assessment, certified, self._reporter.reaction(good, assessment), 0)
+        active = self._policy.judge(good, assessment, certified, leg_forces(good.effort, at), 0)
         active += self._position.judge(good)
         lost = self._latch.lost
         refusal = self._latch.reset(reset.event, reset.seen_ns, self.standing, active)

@@ -12,7 +12,7 @@ from irsbot_kinematics.numerics.arithmetic import ARRAYS, Array
 from irsbot_msgs_py.records import SingularityState
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.core.margins import MARGIN_CAUSES, MARGIN_TEXTS
-from irsbot_supervisor.core.policy import OBSERVABLE
+from irsbot_supervisor.core.reaction import OBSERVABLE
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.core.stopping import limits_of
 from irsbot_supervisor.core.supervisor import Supervisor
