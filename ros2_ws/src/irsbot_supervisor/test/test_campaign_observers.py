@@ -39,15 +39,25 @@ class Clock:
 
 
 def observed(
-    monkeypatch: pytest.MonkeyPatch, sent: Callable[[int], list[tuple[int, int]]], event_ns: int
+    monkeypatch: pytest.MonkeyPatch,
+    sent: Callable[[int], list[tuple[int, int]]],
+    event_ns: int,
+    level: Level = Level.OK,
+    samples: Callable[[int], list[int]] = lambda now_ns: [],
 ) -> tuple[str, list[float]]:
     """The fault of one case and the silences that it keeps. sent: of the time at which the event begins, ns: the
-    verdicts from then on, as times and sequence numbers; event_ns: the event takes so long."""
+    verdicts from then on, as times and sequence numbers; event_ns: the event takes so long. level: of the verdicts.
+    samples: when joint states were sent, ns."""
     clock = Clock(10**15)
     monkeypatch.setattr(silence, "time", clock)
 
     def heard(at_ns: int, sequence: int) -> Heard:
-        return Heard(at_ns, at_ns, SimpleNamespace(sequence=sequence, level=Level.OK, text=""))
+        return Heard(at_ns, at_ns, SimpleNamespace(sequence=sequence, level=level, text=""))
+
+    def samples_ns() -> list[int]:
+        there = [at_ns for at_ns in stamped if at_ns <= clock.now_ns]
+        del stamped[: len(there)]
+        return there
 
     def take() -> list[Heard]:
         there = [one for one in coming if one.sent_ns <= clock.now_ns]
@@ -62,12 +72,12 @@ def observed(
         clock.passes(event_ns)
         return ""
 
-    coming = [heard(*one) for one in sent(clock.now_ns)]
+    coming, stamped = [heard(*one) for one in sent(clock.now_ns)], samples(clock.now_ns)
     cell: Any = SimpleNamespace(
         settle=lambda: None,
-        ear=SimpleNamespace(last=[heard(clock.now_ns - 1, 10)], take=take),
+        ear=SimpleNamespace(last=[heard(clock.now_ns - 1, 10)], take=take, samples_ns=samples_ns),
         tester=SimpleNamespace(until=until, look=lambda seconds: clock.passes(round(seconds * NS_PER_S))),
-        settings=SimpleNamespace(heartbeat_s=1e-9 * BEAT_NS),
+        settings=SimpleNamespace(heartbeat_s=1e-9 * BEAT_NS, stale_s=5e-9 * BEAT_NS),
         log=SimpleNamespace(stated=b""),
     )
     kept: list[float] = []
@@ -110,6 +120,29 @@ def test_a_silence_that_begins_in_an_event_counts_to_its_end(monkeypatch: pytest
         monkeypatch, lambda now_ns: [(now_ns + 1, 11), *beats(now_ns + 1 + pause_ns, 12)], 3 * BEAT_NS
     )
     assert kept == [pytest.approx(1e-9 * pause_ns, rel=1e-6)]
+
+
+@pytest.mark.parametrize(
+    ("pause", "fault"),
+    [
+        ((0, 0), silence.UNKNOWN),
+        ((10, 14), silence.UNKNOWN),  # not longer than the supervisor waits
+        ((10, 16), silence.PAUSED),
+        ((-3, 3), silence.PAUSED),  # it began before the event
+        ((84, 200), silence.PAUSED),  # and ends after it
+    ],
+)
+def test_a_state_is_unknown_without_a_fault_of_the_supervisor_where_the_robot_paused(
+    monkeypatch: pytest.MonkeyPatch, pause: tuple[int, int], fault: str
+) -> None:
+    """pause: from beat to beat, without joint states."""
+
+    def samples(now_ns: int) -> list[int]:
+        return [now_ns + k * BEAT_NS for k in range(-10, 101) if not pause[0] < k < pause[1]]
+
+    found, _kept = observed(monkeypatch, lambda now_ns: beats(now_ns + 1, 11), 90 * BEAT_NS, Level.UNKNOWN, samples)
+    assert fault in found
+    assert (silence.PAUSED in found) == (fault == silence.PAUSED)
 
 
 # --- outages ----------------------------------------------------------------------------------------------------------

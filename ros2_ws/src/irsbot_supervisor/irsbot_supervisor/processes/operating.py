@@ -120,7 +120,8 @@ class Operator:
         return self._send(way, seconds)
 
     def _send(self, rates: Callable[[], Sequence[float]], seconds: float) -> list[tuple[float, ...]]:
-        """Send the present velocities for this time or until there are none, then zero."""
+        """Send the present velocities for this time or until there are none, then zero. Before, zero is sent until the
+        gate answers: on a busy machine it may hear and be heard late."""
         passed: list[tuple[float, ...]] = []
         publisher = self._node.create_publisher(Float64MultiArray, "velocity_in", DEPTH)
         heard = self._node.create_subscription(
@@ -129,15 +130,17 @@ class Operator:
         self._await(
             lambda: publisher.get_subscription_count() > 0, "velocity_in has no subscriber (./irsbot up --gate)"
         )
-        joints = 0
-        for _ in range(max(round(seconds * RATE_HZ), 1)):
-            if not (now := list(rates())):
-                break
-            joints = len(now)
-            publisher.publish(Float64MultiArray(data=now))
-            self._look(1.0 / RATE_HZ)
-        if joints:
-            publisher.publish(Float64MultiArray(data=[0.0] * joints))
+        if joints := len(rates()):
+            stand = Float64MultiArray(data=[0.0] * joints)
+            what = "no answer of the command gate on velocity_out"
+            self._await(lambda: bool(passed), what, lambda: publisher.publish(stand))
+            passed.clear()
+            for _ in range(max(round(seconds * RATE_HZ), 1)):
+                if not (now := list(rates())):
+                    break
+                publisher.publish(Float64MultiArray(data=now))
+                self._look(1.0 / RATE_HZ)
+            publisher.publish(stand)
         self._look(1.0 / RATE_HZ)
         self._node.destroy_subscription(heard)
         self._node.destroy_publisher(publisher)
@@ -189,11 +192,14 @@ class Operator:
         self._node.destroy_client(client)
         return asking.answer
 
-    def _await(self, done: Callable[[], bool], what: str) -> None:
+    def _await(self, done: Callable[[], bool], what: str, ask: Callable[[], None] | None = None) -> None:
+        """ask: what to do until it is done, again and again."""
         deadline = time.monotonic() + self._patience_s
         while not done():
             if time.monotonic() > deadline:
                 raise NobodyThere(f"{what} in {self._patience_s:g} s ({self._where})")
+            if ask is not None:
+                ask()
             self._executor.spin_once(timeout_sec=0.05)
 
     def _look(self, seconds: float) -> None:

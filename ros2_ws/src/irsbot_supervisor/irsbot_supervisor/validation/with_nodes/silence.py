@@ -35,12 +35,16 @@ consumer brakes are judged, if they come with every try."""
 
 UNKNOWN = Level.UNKNOWN.name
 DEAF, SILENT = "the listener was deaf", "the supervisor was silent"
+PAUSED = "the robot paused"
 RESTLESS = "ask while it stands"
 """In a refusal by a supervisor for which a robot that stands may have moved since the last sample."""
 
 TRIES, AGAIN = 3, (UNKNOWN, DEAF, SILENT, RESTLESS)
 """Number of tries of a case, and the faults after which it is tried again: on a busy machine joint states may be
 late, and a supervisor may have no processor time. Its silence counts in the percentiles all the same."""
+
+PAUSES = 20
+"""Number of tries more in which the robot may pause: without joint states they say nothing of the supervisor."""
 
 LOST = "verdicts that did not arrive"
 """Figure: lost verdicts. A publisher of latched verdicts keeps only the newest."""
@@ -56,9 +60,12 @@ def run(job: Job) -> Row:
                 for cause, provoke in CAUSES.items():
                     cell.turn = number
                     gaps = longest.setdefault(f"{name} {cause}", [])
-                    for _ in range(TRIES):
+                    tries = pauses = 0
+                    while tries < TRIES and pauses < PAUSES:
                         fault = _case(cell, cause, provoke, gaps, tally)
-                        if not any(word in fault for word in AGAIN):
+                        pauses += PAUSED in fault
+                        tries += PAUSED not in fault
+                        if not any(word in fault for word in (*AGAIN, PAUSED)):
                             break
                     tally.case(failed=fault)
             code = cell.tester.suite.end("supervisor")
@@ -83,7 +90,7 @@ def _case(cell: Cell, cause: str, provoke: Callable[[Cell], str], longest: list[
     try:
         cell.settle()
         cell.ear.take()
-        before, begin_ns = cell.ear.last, time.time_ns()
+        before, sent_ns, begin_ns = cell.ear.last, cell.ear.samples_ns()[-1:], time.time_ns()
         fault = provoke(cell)
         end_ns = time.time_ns()
         heard = [*before, *_heard_beyond(cell, end_ns)]
@@ -105,7 +112,12 @@ def _case(cell: Cell, cause: str, provoke: Callable[[Cell], str], longest: list[
         return f"{cause}: {SILENT} for {silence_s:.3f} s"
     meanwhile = [one for one in heard if begin_ns < one.sent_ns < end_ns]
     unknown = [one.verdict.text for one in meanwhile if one.verdict.level == Level.UNKNOWN]
-    return f"{cause}: {UNKNOWN}, {unknown[0]} {fault}".rstrip() if unknown else fault
+    if not unknown:
+        return fault
+    sent_ns = [*(sent_ns or [begin_ns]), *cell.ear.samples_ns(), end_ns]
+    pause_s = max(b - a for a, b in pairwise(sent_ns)) * 1e-9
+    why = f"{PAUSED} for {pause_s:.3f} s" if pause_s > cell.settings.stale_s else UNKNOWN
+    return f"{cause}: {why}, {unknown[0]} {fault}".rstrip()
 
 
 def _heard_beyond(cell: Cell, end_ns: int) -> list[Heard]:

@@ -24,7 +24,7 @@ LAZY = {"acceleration_limit": [10.0]}
 """rad/s2: such slow drives that late samples on a busy machine do not stop a robot at rest."""
 
 DEPTH = 10_000
-"""Depth of the queue of verdicts: enough for the longest case."""
+"""Depth of the queues of verdicts and of joint states: enough for the longest case."""
 
 QUIET = 20
 """Number of consecutive verdicts that allow motion before a case."""
@@ -74,14 +74,17 @@ class Cell:
 
 
 class Ear:
-    """Receives verdicts by a subscription without executor: no callback delays a time."""
+    """Receives verdicts and joint states by subscriptions without executor: no callback delays a time."""
 
     def __init__(self, tester: Tester) -> None:
         from irsbot_msgs.msg import Verdict as Message
+        from sensor_msgs.msg import JointState
 
-        self._subscription = tester.silent.create_subscription(
-            Message, "supervisor/verdict", lambda data: None, DEPTH, raw=True
-        )
+        def subscription(kind: Any, topic: str) -> Any:
+            return tester.silent.create_subscription(kind, topic, lambda data: None, DEPTH, raw=True)
+
+        self._verdicts = subscription(Message, "supervisor/verdict")
+        self._samples = subscription(JointState, "joint_states")
         self.last: list[Heard] = []
         """The newest verdict; empty before the first."""
 
@@ -89,13 +92,23 @@ class Ear:
         """The verdicts since the last call."""
         from irsbot_msgs_py.cdr import decode_verdict
 
-        heard, subscription = [], self._subscription
-        with subscription.handle:
-            while (found := subscription.handle.take_message(subscription.msg_type, True)) is not None:
-                data, info = found
-                heard.append(Heard(info["source_timestamp"], info["received_timestamp"], decode_verdict(data)))
+        heard = [
+            Heard(info["source_timestamp"], info["received_timestamp"], decode_verdict(data))
+            for data, info in _waiting(self._verdicts)
+        ]
         self.last = heard[-1:] or self.last
         return heard
+
+    def samples_ns(self) -> list[int]:
+        """ns, system clock: when the joint states since the last call were sent."""
+        return [info["source_timestamp"] for _data, info in _waiting(self._samples)]
+
+
+def _waiting(subscription: Any) -> Iterator[tuple[bytes, dict[str, int]]]:
+    """The messages that wait, with the times of the middleware."""
+    with subscription.handle:
+        while (found := subscription.handle.take_message(subscription.msg_type, True)) is not None:
+            yield found
 
 
 class Log:
