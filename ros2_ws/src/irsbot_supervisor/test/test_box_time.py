@@ -28,7 +28,7 @@ def test_the_time_of_one_box_is_that_of_one_box(name: str, monkeypatch: pytest.M
 def test_a_box_is_bounded_to_second_order_as_near_a_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     settings, robot = settings_of("irsbot2")
     counted = Counted(robot.mechanism)
-    counted.sharp_bounds = lambda *given: counted.certified_bounds(*given)  # type: ignore[attr-defined]
+    counted.sharp_bounds = lambda *given: counted.certified_bounds(*given)
     monkeypatch.setattr(box_time.time, "perf_counter_ns", lambda: counted.boxes)
     assert longest_box_s(settings, counted, PERIOD_S) == pytest.approx(2e-9)
 
