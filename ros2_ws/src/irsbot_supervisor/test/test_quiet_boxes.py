@@ -128,7 +128,7 @@ def memory(supervisor: Supervisor) -> tuple[object, ...]:
     estimator, predictor, good = supervisor._estimator, supervisor._predictor, supervisor._good
     assert good is not None
     return (
-        good._replace(in_time_s=None, judging_s=0.0),
+        good._replace(in_time_s=None),
         estimator._observer._kept,
         estimator._observer._speeds,
         estimator._frozen.still,

@@ -141,7 +141,7 @@ def _estimate(block: JointColumns, motion: Motion, row: int, learned_ns: int | N
         expected_s=float(motion.expected_s[row]),
         steady_s=(seen_ns - learned_ns) / NS_PER_S if learned_ns is not None else inf,
         standing_s=0.0 if row in motion.suspicions.rates else (seen_ns - stood_ns) / NS_PER_S,
-        judging_s=0.0,  # read by a node alone
+        judging_s=float(motion.judging_s[row]),
     )
 
 

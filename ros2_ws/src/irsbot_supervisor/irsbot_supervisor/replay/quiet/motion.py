@@ -73,6 +73,7 @@ class Motion:
     since_ns: Times  # (N,) state of `SecondLargest`
     longest: Values  # (N, 4)
     expected_s: Values  # (N,)
+    judging_s: Values  # of it
     delay_s: Values
     low: Values  # (n, N) rad or m: reachable box
     high: Values
@@ -134,7 +135,7 @@ class MotionColumns:
         forward, backward = self._speeds(stamps, positions, row, observed, history, regular)
         reported = kept_from(stamps, row, self._reported_ns, history.reported)
         self._compare(stamps, positions, velocities, row, reported, forward, backward, regular)
-        expected, since, longest = self._expected(block.seen_ns, passed, stamped, history)
+        expected, judging, since, longest = self._expected(block.seen_ns, passed, stamped, history)
         covered = np.concatenate([[history.expected_s], expected[:-1]]) + settings.latency_s
         regular &= passed <= covered  # else the branch has to be proved
         delay = expected + age / NS_PER_S
@@ -158,6 +159,7 @@ class MotionColumns:
             since_ns=since,
             longest=longest,
             expected_s=expected,
+            judging_s=judging,
             delay_s=delay,
             low=low,
             high=high,
@@ -219,13 +221,16 @@ class MotionColumns:
         right &= ~self._angles | (np.abs(way) < NEAR)
         regular &= right.all(0)
 
-    def _expected(self, seen: Times, passed: Values, stamped: Values, history: History) -> tuple[Values, Times, Values]:
-        """Time until the next sample is judged, and the memory of long intervals."""
+    def _expected(
+        self, seen: Times, passed: Values, stamped: Values, history: History
+    ) -> tuple[Values, Values, Times, Values]:
+        """Time until the next sample is judged, the part of it for judging, and the memory of long intervals."""
         settings = self._settings
         gap = np.where((passed < stamped) & (stamped <= settings.stale_s), stamped, passed)
         second, since, longest = second_largest(seen, gap, SETTLING * settings.stale_s * NS_PER_S, history.longest)
         most = np.maximum(np.where(second == 0.0, gap, second), settings.least_gap_s)
-        return most + np.maximum(settings.judging_s, np.minimum(most, JUDGING_S)), since, longest
+        judging = np.maximum(settings.judging_s, np.minimum(most, JUDGING_S))
+        return most + judging, judging, since, longest
 
     def _until_rest(self, speed: Values, free_s: Values) -> Values:
         free, gain, fastest = free_s, self._gain, self._fastest
