@@ -141,7 +141,7 @@ def _measured(robot: str, seconds: float, output: Path | None, as_json: bool) ->
             table.add_row(one.name, f"{one.now:g}", f"{one.met:.4g}", f"{one.value:g}", one.why)
         out.print(table)
     if output is not None:
-        lines = [f"    {one.name}: {one.value!r}  # {one.why}" for one in found]
+        lines = [f"    {one.name}: {_yaml(one.value)}  # {one.why}" for one in found]
         head = f"# Measured by `irsbot limits --measure` in {seconds:g} s\n/**:\n  {PARAMETERS}:\n"
         output.write_text(head + "\n".join(lines) + "\n", encoding="utf-8")
     if missed := [one for one in found if not one.kept]:
