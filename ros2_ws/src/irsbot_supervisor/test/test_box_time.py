@@ -9,9 +9,10 @@ from counted import Counted
 from supervised import settings_of
 
 from irsbot_supervisor.configuration import box_time
-from irsbot_supervisor.configuration.box_time import TRIED, cuts_that_pay, longest_box_s, time_for_cuts
+from irsbot_supervisor.configuration.box_time import TRIED, cuts_that_pay, longest_box_s
 from irsbot_supervisor.configuration.stopping_cost import box_ways, free_time, places_above_stop, speeds_at_rest
 from irsbot_supervisor.core.box_search import BoxBounds, spare_of
+from irsbot_supervisor.core.settings import time_for_cuts
 from irsbot_supervisor.core.stopping import cuts_of, limits_of
 
 PERIOD_S = 0.001

@@ -12,11 +12,11 @@ from rich.table import Table
 from irsbot_kinematics import BadInput
 from irsbot_kinematics.description.urdf import joint_ranges
 from irsbot_supervisor.cli.common import Failed, err, existing, out, print_json
-from irsbot_supervisor.configuration.box_time import REPETITIONS, cuts_that_pay, longest_box_s, time_for_cuts
+from irsbot_supervisor.configuration.box_time import REPETITIONS, cuts_that_pay, longest_box_s
 from irsbot_supervisor.configuration.loading import PARAMETERS, read_settings, robot_of, shipped_values
 from irsbot_supervisor.configuration.machine_times import proposals, proposed_bounding
 from irsbot_supervisor.configuration.proposal import LimitProposal, Plant, Proposal, propose
-from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.core.settings import Settings, time_for_cuts
 from irsbot_supervisor.core.stopping import CUTS_OF_A_SAMPLE
 from irsbot_supervisor.sim.simulation import Simulation
 from irsbot_supervisor.validation.bench.one_sample import hardest_prediction

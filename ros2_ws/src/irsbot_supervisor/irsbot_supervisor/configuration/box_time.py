@@ -8,16 +8,17 @@ from math import inf
 
 from irsbot_kinematics import Mechanism
 from irsbot_supervisor.configuration.stopping_cost import (
+    box_around,
     box_ways,
     free_time,
     places_above_stop,
-    speeds_at_rest,
     stopped_at_rest,
+    ways_at_rest,
 )
 from irsbot_supervisor.core.box_search import BoxBounds
 from irsbot_supervisor.core.estimation.estimate import Speeds
 from irsbot_supervisor.core.margins import margins_of
-from irsbot_supervisor.core.settings import BOXES_WITHOUT_CUTS, Settings
+from irsbot_supervisor.core.settings import Settings, time_for_cuts
 
 REPETITIONS = 5
 """Number of times that a box is bounded; the fastest counts, which excludes other work of the computer."""
@@ -33,8 +34,7 @@ def longest_box_s(settings: Settings, mechanism: Mechanism, period_s: float) -> 
     fastest = Speeds(settings.velocity_limit, settings.velocity_limit)
     ways, _ = box_ways(settings, fastest, free_time(settings, period_s))
     for at in places_above_stop(settings, mechanism):
-        low = tuple([q - way for q, way in zip(at.joints, ways, strict=True)])
-        high = tuple([q + way for q, way in zip(at.joints, ways, strict=True)])
+        low, high = box_around(at, ways)
         # No box around a posture is proved to keep the margins of the posture itself: every bound is tried.
         type1, type2, constraint, limb = (margin if margin < inf else -inf for margin in margins_of(at))
         taken_ns = inf
@@ -46,11 +46,6 @@ def longest_box_s(settings: Settings, mechanism: Mechanism, period_s: float) -> 
     return longest_ns * 1e-9
 
 
-def time_for_cuts(bounding_s: float, cuts: int) -> float:
-    """s: time to judge a sample with so many cuts. bounding_s: longest time to bound one box."""
-    return (BOXES_WITHOUT_CUTS + 2 * cuts) * bounding_s
-
-
 def cuts_that_pay(settings: Settings, mechanism: Mechanism, bounding_s: float, period_s: float) -> int:
     """The number of cuts with which a resting robot is stopped in the fewest postures: every cut proves more, and takes
     time in which the joints can move, so that the box grows."""
@@ -58,7 +53,6 @@ def cuts_that_pay(settings: Settings, mechanism: Mechanism, bounding_s: float, p
     for cuts in TRIED:
         judging_s = max(time_for_cuts(bounding_s, cuts), settings.judging_s)
         timed = replace(settings, bounding_s=bounding_s, judging_s=judging_s)
-        speeds = speeds_at_rest(timed, mechanism.joints, period_s)
-        ways, _ = box_ways(timed, speeds, free_time(timed, period_s))
+        ways = ways_at_rest(timed, mechanism, period_s)
         found.append((stopped_at_rest(timed, mechanism, places, ways), cuts))
     return min(found)[1]

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from math import ceil, inf
 from typing import NamedTuple
 
-from irsbot_supervisor.configuration.box_time import time_for_cuts
 from irsbot_supervisor.core.estimation.sample_interval import judging_time
-from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.core.settings import Settings, time_for_cuts
 
 STALE, LATE = 2.0, 1.5
 """Factors on measured times: a longer run shows longer times."""

@@ -85,6 +85,18 @@ def box_ways(settings: Settings, speeds: Speeds, free_s: float) -> tuple[Floats,
     return tuple(map(add, forward, reach.errors)), tuple(map(add, backward, reach.errors))
 
 
+def ways_at_rest(settings: Settings, mechanism: Mechanism, period_s: float) -> Floats:
+    """The same of a resting robot, in either direction."""
+    speeds = speeds_at_rest(settings, mechanism.joints, period_s)
+    return box_ways(settings, speeds, free_time(settings, period_s))[0]
+
+
+def box_around(at: Posture, ways: Floats) -> tuple[Floats, Floats]:
+    """Low and high ends, rad or m, of the box with these half extents."""
+    low = tuple([q - way for q, way in zip(at.joints, ways, strict=True)])
+    return low, tuple([q + way for q, way in zip(at.joints, ways, strict=True)])
+
+
 def platform_way(mechanism: Mechanism, at: Posture, joint: int, travel: float) -> float:
     """m: displacement of the platform while one joint moves from a posture, the longer of both directions."""
     ways = []
@@ -109,7 +121,7 @@ def _cost(
     what: str, settings: Settings, mechanism: Mechanism, period_s: float, best: Posture | None, places: list[Posture]
 ) -> Cost:
     free_s, fastest = free_time(settings, period_s), Speeds(settings.velocity_limit, settings.velocity_limit)
-    rest = box_ways(settings, speeds_at_rest(settings, mechanism.joints, period_s), free_s)[0]
+    rest = ways_at_rest(settings, mechanism, period_s)
     full = box_ways(settings, fastest, free_s)[0]
     slow_m, fast_m = [nan if best is None else _farthest(mechanism, best, way) for way in (rest, full)]
     return Cost(what, free_s, rest, full, slow_m, fast_m, stopped_at_rest(settings, mechanism, places, rest))
@@ -126,7 +138,6 @@ def stopped_at_rest(settings: Settings, mechanism: Mechanism, places: list[Postu
     bounds, stop, cuts = BoxBounds(mechanism, settings.slack_m), limits_of(settings, "stop"), cuts_of(settings)
     lost = 0
     for at in places:
-        low = tuple([q - way for q, way in zip(at.joints, ways, strict=True)])
-        high = tuple([q + way for q, way in zip(at.joints, ways, strict=True)])
+        low, high = box_around(at, ways)
         lost += not spare_of(bounds.least(at, low, high, stop, cuts), stop) >= 0.0
     return lost / len(places) if places else 1.0

@@ -165,14 +165,19 @@ class Settings:
         return max(self.sample_gap_s, self.judging_s)
 
     def has_time_for(self, cuts: int) -> bool:
-        """True if a sample with so many cuts, each of two boxes, is judged in `judging_s`."""
-        needed_s = (BOXES_WITHOUT_CUTS + 2 * cuts) * self.bounding_s
+        """True if a sample with so many cuts is judged in `judging_s`."""
+        needed_s = time_for_cuts(self.bounding_s, cuts)
         return needed_s <= self.judging_s * (1.0 + 1e-9)  # the last digits of decimal fractions differ
 
     @property
     def config_hash(self) -> str:
         """Equal for equal settings; part of every verdict."""
         return hashlib.sha256(json.dumps(asdict(self), sort_keys=True).encode()).hexdigest()[:16]
+
+
+def time_for_cuts(bounding_s: float, cuts: int) -> float:
+    """s: time to judge a sample with so many cuts, each of two boxes. bounding_s: longest time to bound one box."""
+    return (BOXES_WITHOUT_CUTS + 2 * cuts) * bounding_s
 
 
 def completed(values: Mapping[str, Any], robot: Robot) -> Settings:
