@@ -14,7 +14,7 @@ import pytest
 pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
 from builtin_interfaces.msg import Time
-from cell import GOOD, HIGH, NAMES, STRICT, Cell, Wire, bad, check_at_rest, going, resting, sample
+from cell import GOOD, HIGH, NAMES, STANDS, STRICT, Cell, Wire, bad, check_at_rest, going, resting, sample
 from irsbot_msgs.msg import Verdict as VerdictMessage
 from lifecycle_msgs.msg import Transition
 from rclpy.duration import Duration
@@ -176,7 +176,7 @@ def test_simulated_time_may_pause_and_start_again(wire: Wire):
 
 def test_plain_listeners_hear_whether_motion_is_safe_and_notice_silence(wire: Wire):
     """A gateway that knows no irsbot_msgs, and asks for a deadline and for signs of life."""
-    cell = Cell(wire, autostart=False)
+    cell = Cell(wire, autostart=False, **STANDS)
     heard: list[bool] = []
     missed: list[object] = []
     promise = Duration(seconds=0.1)

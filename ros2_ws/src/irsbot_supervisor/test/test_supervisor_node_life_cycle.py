@@ -13,7 +13,7 @@ import pytest
 
 pytest.importorskip("irsbot_msgs", reason="needs ROS 2 and the built workspace")
 
-from cell import GOOD, HIGH, PATIENCE_S, STRICT, Cell, Wire, check, going, resting, silent
+from cell import GOOD, HIGH, PATIENCE_S, STANDS, STRICT, Cell, Wire, check, going, resting, silent
 from lifecycle_msgs.msg import Transition
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.utilities import get_rmw_implementation_identifier
@@ -30,7 +30,7 @@ ANEW = (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_CLEANUP, Transit
 
 
 def test_only_an_active_supervisor_publishes_and_every_activation_begins_with_unknown(wire: Wire):
-    cell = Cell(wire)
+    cell = Cell(wire, **STANDS)
     cell.heard_level(Level.OK)
 
     def begins_with_unknown() -> bool:
@@ -92,10 +92,10 @@ def test_a_latched_stop_and_its_number_outlive_every_transition(wire: Wire):
 
 
 def test_a_supervisor_that_is_started_again_waits_for_a_reset_and_does_so_once(wire: Wire):
-    cell = Cell(wire)
+    cell = Cell(wire, **STANDS)
     cell.heard_level(Level.OK)
     cell.suite.end("supervisor", signal.SIGKILL)
-    cell.supervisor = cell.supervisor._replace(parameters={"start_latched": True})
+    cell.supervisor = cell.supervisor._replace(parameters=STANDS | {"start_latched": True})
     begin = len(cell.verdicts)
     cell.suite.start(cell.supervisor)
     latched = cell.heard(lambda verdict: verdict.latched and verdict.stamp_ns > 0, "a latched verdict")[-1]
@@ -117,7 +117,7 @@ def test_a_supervisor_that_is_started_again_waits_for_a_reset_and_does_so_once(w
 
 
 def test_a_deactivation_with_samples_in_the_queue_raises_nothing(wire: Wire):
-    cell = Cell(wire)
+    cell = Cell(wire, **STANDS)
     cell.clock = lambda: time.time_ns() - 10_000_000  # late: the supervisor looks into its queue for a newer sample
     for _ in range(10):
         cell.heard_level(Level.OK)
@@ -156,7 +156,7 @@ def inactive(cell: Cell, silence_s: float) -> None:
 @pytest.mark.parametrize("silence", [frozen, inactive])
 def test_a_supervisor_that_was_silent_tells_its_journal_until_when_the_drives_were_free(wire: Wire, silence):
     """Consumers brake when they have heard nothing for 0.1 s."""
-    cell = Cell(wire, acceleration_limit=[1.0])  # free drives do not get to Type 2 in such a silence
+    cell = Cell(wire, **STANDS)
     journal: list[str] = []
     latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     cell.node.create_subscription(String, "supervisor/journal", lambda message: journal.append(message.data), latched)
@@ -214,7 +214,7 @@ def test_a_supervisor_that_ends_or_was_refused_has_left_the_domain(wire: Wire, g
 
 
 def test_levels_and_the_life_cycle_are_logged_once(wire: Wire):
-    cell = Cell(wire)
+    cell = Cell(wire, **STANDS)
     cell.heard_level(Level.OK)
     cell.logged("OK: motion is allowed")
     cell.say = lambda t: None
