@@ -398,7 +398,7 @@ def test_a_box_that_grows_is_proved_longer_than_one_that_comes_at_once(name: str
     """With the same work for each. A limit lies between what the cuts of one sample prove, and twice as many."""
     settings, robot = shipped(name)
     counted, cuts, proved, tried = Counted(robot.mechanism), CUTS_OF_A_SAMPLE, 0, 0
-    for at in postures(name, 24, least=0.2):
+    for at in postures(name, 12, least=0.2):
         search, box, goal = search_near(name, at)
         before, after = ((search.proves(goal, number), search.certified)[1] for number in (cuts, 2 * cuts))
         kind = int(np.argmax(np.subtract(after[:2], before[:2])))

@@ -227,8 +227,7 @@ ROBOTS = ("rails3", "orthoglide", "irsbot2_beta45")
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
-@pytest.mark.parametrize("wrong", [0.0, 0.98])
-@pytest.mark.parametrize("shift_ms", [0.0, 0.5])
+@pytest.mark.parametrize(("wrong", "shift_ms"), [(0.0, 0.5), (0.98, 0.0), (0.98, 0.5)])
 def test_a_stopped_robot_that_is_moved_to_type_2_and_back_has_lost_its_branch(robot, wrong, shift_ms):
     """By hand, with the drives off: no sample has to show the contact, neither for its time nor for its errors."""
     supervisor = supervisor_of(robot)
