@@ -1,30 +1,17 @@
-"""The fault campaign in small: every row that needs no ROS, its oracles shown to bite, and its command."""
+"""The fault campaign in small: every row that needs no ROS, its oracles shown to bite, and what is true."""
 
 from __future__ import annotations
 
-import json
-import os
-import signal
-import subprocess
-import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import cycle
-from pathlib import Path
-from threading import Thread
 from typing import Any
 
 import numpy as np
-import psutil
 import pytest
-from command import IRSBOT, PATIENCE_S
-from dask_processes import dask_cluster, kill_worker
 from fake_supervisors import FakeHesitantSupervisor, FakeTimidSupervisor
-from rows_for_tests import break_down, end, not_met, tell_and_wait
 
-from irsbot_kinematics import BadInput
 from irsbot_msgs_py.records import JointSample, Level
-from irsbot_supervisor.cli.faults import faults
 from irsbot_supervisor.configuration.feasibility import settings_from
 from irsbot_supervisor.configuration.loading import read_settings
 from irsbot_supervisor.core import assessment, latch, margins
@@ -33,16 +20,14 @@ from irsbot_supervisor.core import validation as intake
 from irsbot_supervisor.core.estimation import frozen, jumps, silence
 from irsbot_supervisor.core.settings import InvalidSettings
 from irsbot_supervisor.core.stopping import StoppingPredictor
-from irsbot_supervisor.fleet.cluster import Cluster
 from irsbot_supervisor.gate import velocity_gate
 from irsbot_supervisor.gate.velocity_gate import Gate
 from irsbot_supervisor.sim.trajectory import joint_move
 from irsbot_supervisor.trajectory.joint_path import joint_limits_of
-from irsbot_supervisor.validation import runner
 from irsbot_supervisor.validation.harness import oracle as truth
 from irsbot_supervisor.validation.harness.case import Case
 from irsbot_supervisor.validation.harness.motion import Motion, played, work
-from irsbot_supervisor.validation.harness.rows import FALSE_STOPS, RECOVERY_S, TO_STOP_S, Entry, Job, Row, Tally
+from irsbot_supervisor.validation.harness.rows import FALSE_STOPS, RECOVERY_S, TO_STOP_S, Job, Row, Tally
 from irsbot_supervisor.validation.harness.stream import WARM_UP, InputStream, prepared
 from irsbot_supervisor.validation.in_process import (
     approach,
@@ -56,7 +41,6 @@ from irsbot_supervisor.validation.in_process import (
     swings,
 )
 from irsbot_supervisor.validation.registry import ENTRIES
-from irsbot_supervisor.validation.runner import Order, run_rows, run_rows_on
 from irsbot_supervisor.validation.with_nodes import resets
 
 pytestmark = pytest.mark.slow
@@ -399,213 +383,3 @@ def test_a_stream_begins_where_the_configured_assembly_mode_names_the_branch_of_
     begun = [bool(begins[k : k + 50].any()) for k in range(0, len(way) - 50, 50)]
     assert [k for k in range(len(begun)) if begun[k] and not (same[k] or same[k + 1])] == []
     assert sum(begun) >= sum(same) - 1
-
-
-# --- the command --------------------------------------------------------------------------------------------------
-
-
-def irsbot(*words: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([*IRSBOT, *words], capture_output=True, text=True, timeout=PATIENCE_S)
-
-
-SILENT_ROW = """
-import os, signal
-from irsbot_supervisor.validation.harness.rows import Entry
-from irsbot_supervisor.validation.runner import Order, run_rows
-def silent(job):
-    print(os.getpid(), flush=True)
-    signal.pause()
-if __name__ == "__main__":
-    list(run_rows([Order(Entry("silent", "never tells", 1, 1, silent), 1, 1)], 1, print))
-"""
-
-
-def test_a_row_ends_with_a_command_that_is_killed(tmp_path: Path) -> None:
-    script = tmp_path / "silent_row.py"
-    script.write_text(SILENT_ROW)
-    command = subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True)
-    try:
-        assert command.stdout is not None
-        row = psutil.Process(int(command.stdout.readline()))
-    finally:
-        command.kill()
-        command.communicate(timeout=PATIENCE_S)
-    _, left = psutil.wait_procs([row], PATIENCE_S)
-    for one in left:
-        one.kill()
-    assert not left
-
-
-UNTIDY_ROW = """
-import signal
-from threading import Event
-from tempfile import TemporaryDirectory
-from irsbot_supervisor.validation.harness.rows import Entry
-from irsbot_supervisor.validation.runner import Order, run_rows
-def untidy(job):
-    with TemporaryDirectory() as folder:
-        MISS
-        print(folder, flush=True)
-        Event().wait()
-if __name__ == "__main__":
-    list(run_rows([Order(Entry("untidy", "never ends", 1, 1, untidy), 1, 1)], 1, print))
-"""
-
-
-MISS_A_SIGNAL = (
-    "meant = signal.getsignal(signal.SIGTERM); "
-    "signal.signal(signal.SIGTERM, lambda number, _: signal.signal(number, meant))"
-)
-"""Like a signal between Python's last look for signals and a system call that blocks: the call goes on."""
-
-
-@pytest.mark.parametrize(
-    ("interrupt", "miss"),
-    [(os.kill, "pass"), (os.killpg, "pass"), (os.kill, MISS_A_SIGNAL)],
-    ids=["the command", "all, as Ctrl-C does", "the command, and a signal is missed"],
-)
-def test_an_interrupted_row_removes_its_files_and_says_nothing(
-    tmp_path: Path, interrupt: Callable[[int, int], None], miss: str
-) -> None:
-    script = tmp_path / "untidy_row.py"
-    script.write_text(UNTIDY_ROW.replace("MISS", miss))
-    command = subprocess.Popen(
-        [sys.executable, str(script)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-    try:
-        assert command.stdout is not None
-        folder = Path(command.stdout.readline().strip())
-        assert folder.is_dir()
-        interrupt(command.pid, signal.SIGINT)
-        _, stated = command.communicate(timeout=PATIENCE_S)
-    finally:
-        command.kill()
-    assert not folder.exists()
-    assert "in untidy" not in stated
-
-
-@pytest.mark.parametrize(("gone", "code"), [(False, 0), (True, 1)])
-def test_a_process_whose_parent_is_gone_before_it_can_follow_it_ends(gone: bool, code: int) -> None:
-    parent = f"os.getppid() + {int(gone)}"
-    words = f"import os; from irsbot_supervisor.processes.suite import end_with_parent; end_with_parent({parent})"
-    assert subprocess.run([sys.executable, "-c", words], timeout=PATIENCE_S).returncode == code
-
-
-def test_the_command_runs_the_rows_that_are_named_and_writes_their_table(tmp_path: Path) -> None:
-    table = tmp_path / "table.md"
-    words = ("--quick", "--only", "approach", "--only", "stamps", "--robot", "irsbot2", "--workers", "2", "--json")
-    done = irsbot("faults", *words, "-o", str(table))
-    assert done.returncode == 0, done.stderr
-    rows = json.loads(done.stdout)["rows"]
-    assert [(row["name"], row["met"]) for row in rows] == [("approach", True), ("stamps", True)]
-    assert "| approach | 2 | 0 | 0 |" in table.read_text()
-
-
-def test_an_interrupted_campaign_has_written_the_rows_that_were_done(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    def interrupted(*_: object) -> Iterator[Row]:
-        yield Row("garbage", 7, 0, 0, {})
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(runner, "run_rows", interrupted)
-    table = tmp_path / "table.md"
-    with pytest.raises(KeyboardInterrupt):
-        faults(only=["stamps", "garbage"], output=table)
-    assert "| garbage | 7 | 0 | 0 |" in table.read_text()
-
-
-def test_a_part_of_a_row_has_the_cases_that_are_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[runner.Order] = []
-    monkeypatch.setattr(runner, "run_rows", lambda orders, *_: iter(asked.extend(orders) or ()))
-    faults(only=["adversary", "delivery"], robot=["rpr3", "ruu4"], cases=30, seed=2)
-    assert [(order.amount, order.seed, order.robots) for order in asked] == [(30, 2, ("rpr3", "ruu4")), (30, 2, ())]
-
-
-@pytest.mark.parametrize(
-    ("words", "stated"),
-    [
-        (("--only", "typhoon"), "no row 'typhoon'; there are approach"),
-        (("--robot", "hexapod"), "robot 'hexapod'"),
-        (("--quick", "--cases", "5"), "--quick and --cases"),
-    ],
-)
-def test_a_campaign_that_cannot_be_run_is_refused_in_one_line(words: tuple[str, ...], stated: str) -> None:
-    done = irsbot("faults", *words)
-    assert done.returncode == 2
-    assert stated in done.stderr
-    assert len(done.stderr.splitlines()) == 1
-
-
-def test_a_row_that_breaks_down_is_a_row_that_is_not_met() -> None:
-    cases: list[tuple[str, int]] = []
-    orders = [Order(Entry(name, "", 3, 3, run), 3, 1) for name, run in (("worse", break_down), ("bad", not_met))]
-    worse, bad = run_rows(orders, 1, lambda name, number: cases.append((name, number)))
-    assert not worse.ok
-    assert worse.note == "ValueError: out of luck"
-    assert (bad.amount, bad.unsafe, bad.failed, bad.note, bad.ok) == (3, 1, 1, "allowed", False)
-
-
-# --- on a cluster ---------------------------------------------------------------------------------------------------
-
-
-def test_rows_do_not_depend_on_where_they_run_or_on_a_worker_that_is_killed() -> None:
-    known = {entry.name: entry for entry in ENTRIES}
-    orders = [
-        Order(known["stamps"], 48, 5),
-        Order(known["approach"], 2, 5, ("irsbot2",)),
-        Order(known["delivery"], 5, 5),
-    ]
-    here = {row.name: row for row in run_rows(orders, 1, lambda _name, _cases: None)}
-    with dask_cluster() as (address, _scheduler, nanny):
-        rows = run_rows_on(orders, Cluster(address))
-        first = next(rows)
-        kill_worker(nanny)
-        assert {row.name: row for row in (first, *rows)} == here
-    assert all(row.ok for row in here.values())
-
-
-def test_a_row_that_breaks_down_on_a_worker_is_not_met_and_is_not_tried_again() -> None:
-    runs = (break_down, end, not_met)
-    orders = [Order(Entry(run.__name__, "", 3, 3, run), 3, 1) for run in runs]
-    with dask_cluster() as (address, _scheduler, _nanny):
-        found = {row.name: row for row in run_rows_on(orders, Cluster(address))}
-    assert found["break_down"].note == "ValueError: out of luck"
-    assert found["end"].note == "the process of the row ended with exit code 3"
-    assert (found["bad"].amount, found["bad"].unsafe) == (3, 1)
-    assert not any(row.ok for row in found.values())
-
-
-def test_the_process_of_a_row_ends_with_its_worker(tmp_path: Path) -> None:
-    """Else a row that is begun again would run twice, with its nodes."""
-    told = tmp_path / "process"
-    os.mkfifo(told)
-    with dask_cluster() as (address, _scheduler, nanny):
-        rows = run_rows_on([Order(Entry("sleeper", "", 1, 1, tell_and_wait), 1, 1, (str(told),))], Cluster(address))
-        found: list[Row] = []
-        taker = Thread(target=lambda: found.extend(rows), daemon=True)
-        taker.start()
-        first = psutil.Process(int(told.read_text()))
-        kill_worker(nanny)
-        _gone, left = psutil.wait_procs([first], PATIENCE_S)
-        for process in (*left, psutil.Process(int(told.read_text()))):
-            process.kill()
-        taker.join(PATIENCE_S)
-    assert not left
-    assert [row.note for row in found] == ["the process of the row ended with exit code -9"]
-
-
-def test_a_scheduler_that_goes_away_is_one_sentence() -> None:
-    with dask_cluster() as (address, scheduler, _nanny):
-        rows = run_rows_on([Order(ENTRIES[0], 2, 5, ("irsbot2",))] * 3, Cluster(address))
-        next(rows)
-        scheduler.kill()
-        with pytest.raises(BadInput, match=f"{address} went away"):
-            list(rows)
-    done = irsbot("faults", "--quick", "--only", "stamps", "--scheduler", "here")
-    assert done.returncode == 2
-    assert "tcp://host" in done.stderr

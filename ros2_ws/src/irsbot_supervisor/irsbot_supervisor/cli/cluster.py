@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from irsbot_kinematics import BadInput
-from irsbot_supervisor.fleet.cluster import Cluster
+from irsbot_supervisor.fleet.cluster import Cluster, check_address
 
 SchedulerOption = Annotated[
     str | None, typer.Option(help="a Dask scheduler for many jobs, tcp://host:8786; this machine if left out")
@@ -19,9 +19,12 @@ WorkersOption = Annotated[
 
 
 def cluster_of(scheduler: str | None, workers: int | None) -> Cluster:
-    """Where the jobs of a command are done. Raises BadInput for options that do not go together."""
+    """Where the jobs of a command are done. Raises BadInput for options that do not go together, and for an address at
+    which no scheduler can be."""
     if scheduler is not None and workers is not None:
         raise BadInput("--workers is for this machine; the workers of --scheduler are those that were started for it")
+    if scheduler is not None:
+        check_address(scheduler)
     return Cluster(scheduler, workers)
 
 

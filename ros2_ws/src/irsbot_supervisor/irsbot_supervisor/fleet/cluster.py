@@ -16,6 +16,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from itertools import chain, islice
 from threading import Thread
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
+from urllib.parse import urlsplit
 
 from irsbot_kinematics import BadInput
 from irsbot_supervisor.fleet.version import code_version
@@ -78,6 +79,17 @@ class Cluster(NamedTuple):
 
 HERE = Cluster()
 """All cores of this machine."""
+
+
+def check_address(scheduler: str) -> None:
+    """Raise BadInput where a scheduler cannot have this address. Whether one answers there is not asked."""
+    place = urlsplit(scheduler if "://" in scheduler else f"tcp://{scheduler}")
+    try:
+        found = bool(place.hostname and place.port)
+    except ValueError:  # the port is no number, or is too large
+        found = False
+    if not found:
+        raise BadInput(f"no Dask scheduler can be at '{scheduler}'; must be like tcp://host:8786")
 
 
 class JobFailed(NamedTuple):
@@ -353,13 +365,13 @@ def _client_of(address: str) -> Iterator[Client]:
     """A client of a scheduler that runs. Raises BadInput."""
     from distributed import Client
 
+    check_address(address)
     try:
         client = Client(address, timeout=ANSWER_S)
     except AssertionError:
         raise BadInput("this machine is too busy: a thread of Dask did not start within 10 s") from None
-    except (OSError, ValueError) as error:  # a timeout is an OSError
-        reason = "must be like tcp://host:8786" if isinstance(error, ValueError) else "'dask scheduler' starts one"
-        raise BadInput(f"no Dask scheduler answers at {address}; {reason}") from None
+    except (OSError, ValueError):  # a timeout is an OSError; a protocol that Dask does not know, a ValueError
+        raise BadInput(f"no Dask scheduler answers at {address}; 'dask scheduler' starts one") from None
     try:
         with suppress(*TIMEOUTS):
             client.wait_for_workers(1, timeout=ANSWER_S)
