@@ -10,6 +10,7 @@ from counted import Counted
 from supervised import (
     BOUNDARY,
     approach,
+    configure,
     feed,
     joints_of,
     level_in_force,
@@ -132,3 +133,44 @@ def test_where_the_time_of_a_box_is_stated_every_sample_keeps_its_time(cuts: int
     assert before <= (2 * most - 1 if pause_ms else most)
     assert after <= 2 * most
     assert min(boxes_of_steps(pause_ms)) > 7, "no sample needs more: the run proves nothing"
+
+
+BOX_S = 2e-4
+"""s: stated time of one box, here."""
+
+
+def boxes_after(supervisor: Supervisor, counted: Counted, pose: tuple[float, ...], **changes: float) -> list[int]:
+    """Boxes for each of the samples after a change of settings, of a robot that stood and begins to move."""
+    q, found = joints_of(supervisor, *pose), []
+    feed(supervisor, resting(-200, 0, q))
+    supervisor.step(configure(0.1, supervisor, **changes))
+    for ms in range(1, 6):
+        counted.boxes = 0
+        supervisor.step(approach(q, ms, (-2.0, 2.0)), report=False)
+        found.append(counted.boxes)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("before", "changes", "most"),
+    [
+        ({"bounding_s": BOX_S, "judging_s": 3 * BOX_S}, {"judging_s": 27 * BOX_S}, 3),
+        ({"bounding_s": BOX_S, "judging_s": 7 * BOX_S}, {"judging_s": 27 * BOX_S}, 7),
+        ({}, {"bounding_s": BOX_S, "judging_s": 27 * BOX_S}, 5),
+        ({"bounding_s": BOX_S, "judging_s": 27 * BOX_S}, {"bounding_s": 3 * BOX_S, "judging_s": 81 * BOX_S}, 9),
+    ],
+    ids=["more time", "from two cuts", "time is stated", "boxes take longer"],
+)
+def test_the_first_sample_after_a_change_has_the_time_that_the_last_box_covers(
+    before: dict[str, float], changes: dict[str, float], most: int
+) -> None:
+    """Samples come every millisecond, so without a stated time a sample has one: that of five boxes."""
+    firsts, others = [], []
+    for k in range(12):
+        settings, robot = settings_of("irsbot2", **before, type1_warn=0.15, type2_warn=0.15)
+        robot.mechanism = counted = Counted(robot.mechanism)
+        first, *more = boxes_after(Supervisor(settings, robot), counted, (0.6 + 0.04 * k, -0.55), **changes)
+        firsts.append(first)
+        others += more
+    assert 1 < max(firsts) <= most
+    assert max(others) > most, "no sample needs more: the run proves nothing"

@@ -21,7 +21,8 @@ class BranchProof:
 
     def __init__(self, settings: Settings, mechanism: Mechanism) -> None:
         self._bounds = BoxBounds(mechanism, settings.slack_m)
-        self._cuts = cuts_of(settings)
+        self.cuts = cuts_of(settings)
+        """Number of cuts for one sample."""
         self._free: tuple[Floats, Floats] | None = None  # low and high ends, rad or m
 
     def forget(self) -> None:
@@ -35,10 +36,10 @@ class BranchProof:
         self._free = None
         if silence.in_time:  # as may be the samples that follow
             wide = wider(silence.low, silence.high, WIDER)
-            if self._is_free(at, *wide, self._cuts // 2):
+            if self._is_free(at, *wide, self.cuts // 2):
                 self._free = wide
                 return True
-        cuts = self._cuts // 2 if silence.in_time else self._cuts
+        cuts = self.cuts // 2 if silence.in_time else self.cuts
         return self._is_free(at, silence.low, silence.high, cuts)
 
     def _is_free(self, at: Posture, low: Floats, high: Floats, cuts: int) -> bool:

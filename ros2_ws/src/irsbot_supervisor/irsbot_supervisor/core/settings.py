@@ -166,8 +166,7 @@ class Settings:
 
     def has_time_for(self, cuts: int) -> bool:
         """True if a sample with so many cuts is judged in `judging_s`."""
-        needed_s = time_for_cuts(self.bounding_s, cuts)
-        return needed_s <= self.judging_s * (1.0 + 1e-9)  # the last digits of decimal fractions differ
+        return is_time_for(cuts, self.bounding_s, self.judging_s)
 
     @property
     def config_hash(self) -> str:
@@ -178,6 +177,11 @@ class Settings:
 def time_for_cuts(bounding_s: float, cuts: int) -> float:
     """s: time to judge a sample with so many cuts, each of two boxes. bounding_s: longest time to bound one box."""
     return (BOXES_WITHOUT_CUTS + 2 * cuts) * bounding_s
+
+
+def is_time_for(cuts: int, bounding_s: float, time_s: float) -> bool:
+    """True if a sample with so many cuts is judged in `time_s`."""
+    return time_for_cuts(bounding_s, cuts) <= time_s * (1.0 + 1e-9)  # the last digits of decimal fractions differ
 
 
 def completed(values: Mapping[str, Any], robot: Robot) -> Settings:

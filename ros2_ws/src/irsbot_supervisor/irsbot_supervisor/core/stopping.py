@@ -27,7 +27,7 @@ from irsbot_supervisor.core.box_search import (
 from irsbot_supervisor.core.estimation.estimate import Speeds
 from irsbot_supervisor.core.margins import Margins
 from irsbot_supervisor.core.reachable_box import ReachableBox
-from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.core.settings import Settings, is_time_for
 
 CUTS_OF_A_SAMPLE = 12
 """Number of cuts for one sample in total, if its time is not limited. The robot moves during the computation."""
@@ -78,12 +78,17 @@ class StoppingPredictor:
         self._bounds = BoxBounds(mechanism, settings.slack_m)
         self._box = ReachableBox(settings)
         self._flicker = (settings.encoder_resolution,) * len(mechanism.joints)  # rad or m, of a resting joint
-        cuts = PATIENT_CUTS if patient else cuts_of(settings)
-        self._cuts = cuts
-        self._usual = (release_of(settings), int(FOR_A_WARNING * cuts)), (limits_of(settings, "stop"), cuts)
+        self._goals = release_of(settings), limits_of(settings, "stop")
         self.known: Known | None = None  # the last box
         self.in_vain: Known | None = None  # a wider box whose proof failed
+        self.allow(PATIENT_CUTS if patient else cuts_of(settings))
         self._cut: tuple[tuple[Floats, Floats], tuple[Part, ...]] | None = None  # the last box that was cut
+
+    def allow(self, cuts: int) -> None:
+        """Set the number of cuts for one sample. Bounds that were found with another number are forgotten."""
+        warn, stop = self._goals
+        self._cuts, self._usual = cuts, ((warn, int(FOR_A_WARNING * cuts)), (stop, cuts))
+        self.known = self.in_vain = None
 
     def predict(
         self,
@@ -189,7 +194,12 @@ class StoppingPredictor:
 
 def cuts_of(settings: Settings) -> int:
     """Number of cuts for one sample: those for which there is time."""
-    return sum(settings.has_time_for(cuts) for cuts in range(1, CUTS_OF_A_SAMPLE + 1))
+    return cuts_in(settings.judging_s, settings.bounding_s)
+
+
+def cuts_in(time_s: float, bounding_s: float) -> int:
+    """Number of cuts for one sample that has to be judged in `time_s`, where one box takes `bounding_s`."""
+    return sum(is_time_for(cuts, bounding_s, time_s) for cuts in range(1, CUTS_OF_A_SAMPLE + 1))
 
 
 def _shares(low: Floats, high: Floats, share: float) -> Floats:

@@ -45,7 +45,7 @@ from irsbot_supervisor.core.seed_pose import seen_posture
 from irsbot_supervisor.core.settings import LEAST_LIMIT, Settings, refuse_other_robot
 from irsbot_supervisor.core.speaker import Speaker
 from irsbot_supervisor.core.stop_monitor import MeasuredStop, StopMonitor
-from irsbot_supervisor.core.stopping import StoppingPredictor, limits_of
+from irsbot_supervisor.core.stopping import StoppingPredictor, cuts_in, limits_of
 from irsbot_supervisor.core.validation import Intake, IntakeMemory, Rejected
 from irsbot_supervisor.core.view import View
 
@@ -122,6 +122,7 @@ class Supervisor:
         self.settings = settings
         self._predictor = StoppingPredictor(settings, mechanism)
         self._proof = BranchProof(settings, mechanism)
+        self._cuts = self._proof.cuts
         self._stop = limits_of(settings, "stop")
         self._policy = Policy(settings, mechanism.joints)
         self._position = PositionLimits(settings, mechanism.joints)
@@ -137,9 +138,12 @@ class Supervisor:
         """
         settings = change.settings
         refuse_other_robot(self.settings, settings)
-        if self._good is not None:
-            self._estimator.silences.keep(self._good.seen_ns)
+        good, cuts = self._good, self._proof.cuts
+        if good is not None:
+            self._estimator.silences.keep(good.seen_ns)
         self._set(settings)
+        if good is not None:  # the last box covers the time that it has for the next sample, no longer one
+            self._allow(min(self._cuts, cuts, cuts_in(good.judging_s, settings.bounding_s)))
         for stage in (
             self._intake,
             self._estimator,
@@ -152,6 +156,12 @@ class Supervisor:
             stage.configure(settings)
         if self._good is not None:
             self._learn(change.seen_ns)
+
+    def _allow(self, cuts: int) -> None:
+        """Set the number of cuts for the next sample."""
+        if cuts != self._proof.cuts:
+            self._proof.cuts = cuts
+            self._predictor.allow(cuts)
 
     @property
     def standing(self) -> bool:
@@ -225,6 +235,7 @@ class Supervisor:
             and self._assessor.steady
             and self._estimator.quiet
             and good is self._estimator.last
+            and self._proof.cuts == self._cuts
         )
 
     @property
@@ -348,6 +359,7 @@ class Supervisor:
         self._watch_stop(estimate, good)
         level = max([finding.level for finding in found]) if found else OK
         causes = _causes(found) if found else 0
+        self._allow(self._cuts)
         self._judged = assessment.margins, certified
         before, self._last = self._last, Moment(estimate.stamp_ns, assessment.margins)
         if not report:
