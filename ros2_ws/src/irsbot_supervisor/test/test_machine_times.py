@@ -9,6 +9,7 @@ from irsbot_supervisor.configuration.machine_times import (
     MOST_HEARTBEAT_S,
     Proposed,
     Times,
+    bounding_for,
     longest,
     proposals,
     proposed_bounding,
@@ -22,7 +23,8 @@ BOX_S = 2e-5
 
 def proposed(met: Times, cuts: int = 0, box_s: float = BOX_S, **changed: float) -> list[Proposed]:
     settings, _robot = read_settings("irsbot2", **changed)
-    return proposals(settings, met, PERIOD_S, proposed_bounding(settings, box_s), cuts)
+    longest_s = {number: (3 + 2 * number) * box_s for number in range(13)}
+    return proposals(settings, met, PERIOD_S, proposed_bounding(settings, longest_s, cuts), cuts)
 
 
 def test_the_longest_gap_and_delay_count() -> None:
@@ -83,3 +85,19 @@ def test_a_computer_that_bounds_a_box_too_slowly_does_not_keep_the_stated_time()
     ]
     assert kept == [True, False]
     assert proposed(times, 0, 0.0001, bounding_s=0.0012, judging_s=0.0036)[3].value == 0.0012
+
+
+def test_the_time_of_a_sample_is_divided_among_its_boxes() -> None:
+    """Where all else of a step takes longer than boxes, each of few boxes counts for more."""
+    longest_s = {0: 0.0004, 4: 0.0011, 12: 0.002}
+    assert [bounding_for(longest_s[cuts], cuts) for cuts in longest_s] == pytest.approx([0.0002, 0.00015, 0.00012])
+    few = read_settings("irsbot2", bounding_s=0.0002, judging_s=0.0006)[0]
+    many = read_settings("irsbot2", bounding_s=0.00011, judging_s=0.00297)[0]
+    assert [proposed_bounding(one, longest_s, 4).kept for one in (few, many)] == [True, False]
+
+
+def test_times_beyond_the_range_of_a_setting_are_its_end() -> None:
+    found = {one.name: one for one in proposed(Times(0.002, 0.011, 0.002, 0.9), 12, 0.07, stale_s=1.0)}
+    assert found["bounding_s"].value == 0.1
+    assert found["judging_s"].value == 1.0
+    assert not found["judging_s"].kept

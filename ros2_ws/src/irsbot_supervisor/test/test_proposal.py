@@ -333,3 +333,27 @@ def test_errors_larger_than_any_margin_leave_a_guide_with_a_fault():
     proposed, _robot = guided("irsbot2", geometry_tolerance_m=0.1)
     assert proposed.fault
     assert all(row.share == 0.0 for row in proposed.stopping)
+
+
+def test_a_stated_time_to_judge_is_part_of_every_distance_and_of_the_proposed_file() -> None:
+    """Twice: while a sample is judged, the next one waits."""
+    plain, timed = (guided("irsbot2", **stated)[0] for stated in ({}, {"judging_s": 0.0075, "bounding_s": 0.0005}))
+    assert IRSBOT2.prediction_delay_s == pytest.approx(2.0 / RATE_HZ)
+    assert IRSBOT2._replace(judging_s=0.0075).prediction_delay_s == pytest.approx(2.0 * 0.0075)
+    grown_s = [after.free_s - before.free_s for after, before in zip(timed.costs, plain.costs, strict=True)]
+    assert grown_s[0] == pytest.approx(2.0 * (0.0075 - 1.0 / RATE_HZ))
+    assert timed.together < plain.together
+    assert {"judging_s", "bounding_s"} & values(plain).keys() == set()
+    assert (values(timed)["judging_s"], values(timed)["bounding_s"]) == (0.0075, 0.0005)
+
+
+def test_with_fewer_cuts_less_speed_is_proved_to_be_stopped() -> None:
+    together = [guided("irsbot2", judging_s=0.0027, bounding_s=box_s)[0].together for box_s in (0.0009, 0.0001)]
+    assert together[0] < 0.9 * together[1]
+
+
+@pytest.mark.parametrize("words", [("--speed", "3"), ("--urdf", "x.urdf"), ("--force-ratio", "3"), ("--latency", "1")])
+def test_a_measurement_takes_no_data_of_another_machine(words: tuple[str, str]) -> None:
+    done = CliRunner().invoke(whole_app(), ["limits", "irsbot2", "--measure", *words])
+    assert isinstance(done.exception, irs.BadInput)
+    assert "--seconds" in str(done.exception)

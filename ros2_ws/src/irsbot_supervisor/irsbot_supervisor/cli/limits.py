@@ -12,20 +12,15 @@ from rich.table import Table
 from irsbot_kinematics import BadInput
 from irsbot_kinematics.description.urdf import joint_ranges
 from irsbot_supervisor.cli.common import Failed, err, existing, out, print_json
-from irsbot_supervisor.configuration.box_time import REPETITIONS, cuts_that_pay, longest_box_s
 from irsbot_supervisor.configuration.loading import PARAMETERS, read_settings, robot_of, shipped_values
-from irsbot_supervisor.configuration.machine_times import proposals, proposed_bounding
+from irsbot_supervisor.configuration.machine_times import bounding_for, proposals, proposed_bounding
 from irsbot_supervisor.configuration.proposal import LimitProposal, Plant, Proposal, propose
-from irsbot_supervisor.core.settings import Settings, time_for_cuts
-from irsbot_supervisor.core.stopping import CUTS_OF_A_SAMPLE
-from irsbot_supervisor.sim.simulation import Simulation
-from irsbot_supervisor.validation.bench.one_sample import hardest_prediction
+from irsbot_supervisor.configuration.sample_time import TRIED, cuts_that_pay, longest_times
+from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.core.stopping import cuts_of
 
 FORCE_RATIO = 20.0 / 3.0
 """Default: the legs of a fast light robot carry about ten times the load in its own accelerations."""
-
-PREDICTIONS = 200
-"""Number of stopping predictions of which --measure takes the longest."""
 
 RATE_HZ = 1000.0
 """Default: joint states per second of a usual controller."""
@@ -37,7 +32,7 @@ def limits(
     deceleration: Annotated[str | None, typer.Option(help="deceleration, rad/s2 or m/s2; 400 or 400,400")] = None,
     acceleration: Annotated[str | None, typer.Option(help="acceleration; as deceleration if left out")] = None,
     latency: Annotated[float | None, typer.Option(help="s from the arrival of a sample to the first braking")] = None,
-    rate: Annotated[float, typer.Option(help="joint states per second")] = RATE_HZ,
+    rate: Annotated[float, typer.Option(help="joint states per second", min=1.0, max=20000.0)] = RATE_HZ,
     stamp_jitter: Annotated[float | None, typer.Option(help="largest error of a stamp, s")] = None,
     encoder_resolution: Annotated[float | None, typer.Option(help="smallest step of a joint, rad or m")] = None,
     encoder_offset: Annotated[float | None, typer.Option(help="largest error of a joint's zero, rad or m")] = None,
@@ -64,7 +59,11 @@ def limits(
     machine = robot_of(robot)
     shipped = shipped_values(machine)
     if measure:
-        _measured(robot, seconds, output, as_json)
+        drives = (speed, deceleration, acceleration, latency)
+        others = (stamp_jitter, encoder_resolution, encoder_offset, geometry_tolerance, description)
+        if any(value is not None for value in (*drives, *others)) or force_ratio != FORCE_RATIO:
+            raise BadInput("--measure takes the robot's own settings, and only --seconds, --rate, -o and --json")
+        _measured(robot, seconds, rate, output, as_json)
         return
 
     def given(name: str, value: float | None) -> float:
@@ -81,6 +80,8 @@ def limits(
         force_ratio,
         _numbers(acceleration, "--acceleration", shipped.get("acceleration_limit", ())),
         given("stamp_jitter_s", stamp_jitter),
+        given("judging_s", None),
+        given("bounding_s", None),
     )
     names = [joint.name for joint in machine.mechanism.joints]
     ranges = _ranges(description, names) if description is not None else []
@@ -118,20 +119,20 @@ def _ranges(description: Path, names: list[str]) -> list[Proposal]:
     return [Proposal("position_lower", lower, why), Proposal("position_upper", upper, why)]
 
 
-def _measured(robot: str, seconds: float, output: Path | None, as_json: bool) -> None:
+def _measured(robot: str, seconds: float, rate_hz: float, output: Path | None, as_json: bool) -> None:
     """Times that this computer keeps. Raises Failed where it does not keep those in force."""
     settings, machine = read_settings(robot)
     from irsbot_supervisor.processes.measuring import measure  # needs ROS, which the rest does not
 
     if not as_json:
         err.print(f"the suite runs for {seconds:g} s; load this computer as it will be at work")
-    met, period_s = measure(robot, seconds), 1.0 / Simulation().rate_hz
+    met, period_s = measure(robot, seconds, rate_hz), 1.0 / rate_hz
     if not as_json:
-        err.print("now boxes near the limits are bounded")
-    hardest_s = 1e-9 * hardest_prediction(settings, machine, PREDICTIONS, REPETITIONS)
-    box_s = max(longest_box_s(settings, machine.mechanism, period_s), hardest_s / time_for_cuts(1.0, CUTS_OF_A_SAMPLE))
-    bounding = proposed_bounding(settings, box_s)
-    cuts = cuts_that_pay(settings, machine.mechanism, bounding.value, period_s)
+        err.print("now steps near the limits are timed")
+    longest_s = longest_times(settings, machine, period_s, {*TRIED, cuts_of(settings)})
+    box_s = {cuts: bounding_for(longest_s[cuts], cuts) for cuts in TRIED}
+    cuts = cuts_that_pay(settings, machine.mechanism, box_s, period_s)
+    bounding = proposed_bounding(settings, longest_s, cuts)
     found = proposals(settings, met, period_s, bounding, cuts)
     if as_json:
         print_json([one._asdict() for one in found])

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from math import ceil, inf
 from typing import NamedTuple
 
 from irsbot_supervisor.core.estimation.sample_interval import judging_time
 from irsbot_supervisor.core.settings import Settings, time_for_cuts
+from irsbot_supervisor.core.stopping import cuts_of
 
 STALE, LATE = 2.0, 1.5
 """Factors on measured times: a longer run shows longer times."""
@@ -19,8 +20,10 @@ TEN_US = 1e-5
 ROUNDING = 1e-6
 """1: part of a step that is no time, but the rounding of a product."""
 
-MOST_HEARTBEAT_S = 0.02
-"""s: the largest heartbeat that the settings allow; consumers brake after 0.1 s."""
+MOST_HEARTBEAT_S, MOST_BOUNDING_S, MOST_JUDGING_S = (
+    float(Settings.__dataclass_fields__[name].metadata["high"]) for name in ("heartbeat_s", "bounding_s", "judging_s")
+)
+"""s: the largest values that the settings allow; consumers brake after 0.1 s without verdicts."""
 
 
 class Times(NamedTuple):
@@ -60,11 +63,18 @@ def longest(
     return Times(gap(seen_s), gap(heard_s), *slowest)
 
 
-def proposed_bounding(settings: Settings, box_s: float) -> Proposed:
-    """bounding_s from the longest time to bound one box; never below the value in force, kept if none is stated."""
-    now, needed = settings.bounding_s, _up(LATE * box_s, TEN_US)
-    kept = now == 0.0 or needed <= now
-    return Proposed("bounding_s", now, box_s, max(now, needed), "1.5 times the longest to bound one box", kept)
+def bounding_for(longest_s: float, cuts: int) -> float:
+    """The bounding_s with which a sample that has so many cuts has 1.5 times its longest time, s."""
+    return _up(LATE * longest_s / time_for_cuts(1.0, cuts), TEN_US)
+
+
+def proposed_bounding(settings: Settings, longest_s: Mapping[int, float], cuts: int) -> Proposed:
+    """bounding_s for the number of cuts that pays; never below the value in force, kept if none is stated. longest_s:
+    time to judge a sample, by the number of cuts; also of the settings."""
+    now, needed, mine = settings.bounding_s, bounding_for(longest_s[cuts], cuts), cuts_of(settings)
+    kept = now == 0.0 or bounding_for(longest_s[mine], mine) <= now
+    met, why = longest_s[cuts] / time_for_cuts(1.0, cuts), "1.5 times the longest step, for each of its boxes"
+    return Proposed("bounding_s", now, met, min(max(now, needed), MOST_BOUNDING_S), why, kept)
 
 
 def proposals(settings: Settings, met: Times, period_s: float, bounding: Proposed, cuts: int) -> list[Proposed]:
@@ -72,7 +82,7 @@ def proposals(settings: Settings, met: Times, period_s: float, bounding: Propose
     period_s: between the samples of the run. cuts: that a sample has to have time for."""
     allowed_s = judging_time(settings.judging_s, max(period_s, settings.least_gap_s))
     judged = settings.judging_s if met.judging_s <= allowed_s else _up(LATE * met.judging_s)
-    judging, why = _up(time_for_cuts(bounding.value, cuts), TEN_US), f"time for {cuts} cuts"
+    judging, why = _up(time_for_cuts(bounding.value, cuts), TEN_US), f"time for {cuts} cut{'s' * (cuts != 1)}"
     if judged >= judging:
         judging, why = judged, "1.5 times the longest judging of a sample"
     stale, silence = max(settings.stale_s, _up(STALE * met.sample_gap_s)), "twice the longest interval between samples"
@@ -88,7 +98,14 @@ def proposals(settings: Settings, met: Times, period_s: float, bounding: Propose
         _proposed("heartbeat_s", settings.heartbeat_s, met.verdict_gap_s, heartbeat, beating, MOST_HEARTBEAT_S),
         _proposed("latency_s", settings.latency_s, met.delay_s, latency, "1.5 times the longest way to a verdict"),
         bounding,
-        Proposed("judging_s", settings.judging_s, met.judging_s, judging, why, judged <= settings.judging_s),
+        Proposed(
+            "judging_s",
+            settings.judging_s,
+            met.judging_s,
+            min(judging, MOST_JUDGING_S),
+            why,
+            judged <= settings.judging_s,
+        ),
     ]
 
 

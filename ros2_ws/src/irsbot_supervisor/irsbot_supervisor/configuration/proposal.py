@@ -53,11 +53,14 @@ class Plant(NamedTuple):
     force_ratio: float  # how many times the load a leg may carry
     acceleration: Floats = ()  # rad/s2 or m/s2; empty: as deceleration
     stamp_jitter_s: float = Settings.stamp_jitter_s  # by which a stamp differs from when positions were read
+    judging_s: float = Settings.judging_s  # longest time to judge a sample, as stated
+    bounding_s: float = Settings.bounding_s  # its part for one box, as stated
 
     @property
     def prediction_delay_s(self) -> float:
         """s that a robot moves without supervision: until the next sample, which is not delayed, is judged."""
-        return 1.0 / self.rate_hz + judging_time(Settings.judging_s, 1.0 / self.rate_hz)
+        gap_s = max(1.0 / self.rate_hz, self.judging_s)
+        return gap_s + judging_time(self.judging_s, gap_s)
 
 
 class Proposal(NamedTuple):
@@ -118,6 +121,8 @@ def _base(robot: Robot, name: str, plant: Plant) -> Settings:
     values |= {"velocity_limit": plant.speed, "deceleration_limit": plant.deceleration, "latency_s": plant.latency_s}
     values |= {"encoder_resolution": plant.encoder_resolution, "encoder_offset": plant.encoder_offset}
     values |= {"acceleration_limit": plant.acceleration, "stamp_jitter_s": plant.stamp_jitter_s}
+    values |= {"judging_s": plant.judging_s, "bounding_s": plant.bounding_s}
+    values["stale_s"] = max(Settings.stale_s, plant.judging_s)
     return completed({"robot": name, **values, "geometry_tolerance_m": plant.geometry_tolerance_m}, robot)
 
 
@@ -152,6 +157,10 @@ def _copied(base: Settings, plant: Plant) -> list[Proposal]:
         "encoder_offset": "as given: error of a joint's zero",
         "geometry_tolerance_m": "as given: error of a leg's length and place",
     }
+    if plant.judging_s > 0.0:
+        reasons["judging_s"] = "as stated: longest time to judge a sample"
+    if plant.bounding_s > 0.0:
+        reasons["bounding_s"] = "as stated: the part of that time for each box, from which the number of cuts follows"
     return [Proposal(key, getattr(base, key), why) for key, why in reasons.items()]
 
 
@@ -184,7 +193,7 @@ def _warn(kind: str, stop: float, top: float, lost: float, on: str) -> Proposal:
 
 def _times(base: Settings, mechanism: Mechanism, plant: Plant) -> list[Proposal]:
     period_s = 1.0 / plant.rate_hz
-    stale = _up((LOST + 2) * period_s + LATE_S)
+    stale = _up(max((LOST + 2) * period_s + LATE_S, base.judging_s))
     ways = [f"{v * stale:.3g} {joint.unit}" for v, joint in zip(base.velocity_limit, mechanism.joints, strict=True)]
     unseen = " and ".join(dict.fromkeys(ways))
     spared = f"{LOST} lost samples, {period_s * 1e3:.3g} ms apart, and {LATE_S * 1e3:g} ms of delay go unpunished"

@@ -119,14 +119,14 @@ def find_stoppable_speed(
     places: at least one. patterns: share of its velocity limit that each joint has at share 1, with its sign.
     prediction_delay_s: time that the robot moves without supervision. most: share at which the search ends.
     """
-    stop = limits_of(settings, "stop")
+    stop, patient = limits_of(settings, "stop"), settings.bounding_s == 0.0  # else cuts of the supervisor count
 
     def predictor(pattern: Floats, share: float) -> tuple[StoppingPredictor, Speeds]:
         """Stopping predictor of a robot whose moving joints are as fast as possible."""
         rates = [share * p * v for p, v in zip(pattern, settings.velocity_limit, strict=True)]
         most = [abs(r) if p else v for r, p, v in zip(rates, pattern, settings.velocity_limit, strict=True)]
         speeds = Speeds(tuple([max(rate, 0.0) for rate in rates]), tuple([max(-rate, 0.0) for rate in rates]))
-        return StoppingPredictor(replace(settings, velocity_limit=tuple(most)), mechanism, patient=True), speeds
+        return StoppingPredictor(replace(settings, velocity_limit=tuple(most)), mechanism, patient), speeds
 
     def ends(at: Posture, share: float) -> int:
         """Index of the margin that ends a motion of this share, -1 for none."""

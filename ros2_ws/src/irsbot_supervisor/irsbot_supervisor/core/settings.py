@@ -126,7 +126,11 @@ class Settings:
         1.0,
     )
     bounding_s: float = _number(
-        0.0, "s", "longest time to bound one box; the cuts are those that fit in judging_s. 0: all cuts", 0.0, 0.1
+        0.0,
+        "s",
+        "time of a sample per box, 3 + 2 for each cut; cuts are those that fit in judging_s. 0: all",
+        0.0,
+        0.1,
     )
     heartbeat_s: float = _number(0.01, "s", "time after which a verdict is repeated", 0.001, 0.02)
     age_limit_s: float = _number(0.05, "s", "oldest acceptable stamp on arrival", 0.001, 10.0)
@@ -175,7 +179,7 @@ class Settings:
 
 
 def time_for_cuts(bounding_s: float, cuts: int) -> float:
-    """s: time to judge a sample with so many cuts, each of two boxes. bounding_s: longest time to bound one box."""
+    """s: longest time to judge a sample with so many cuts, each of two boxes. bounding_s: its part for each box."""
     return (BOXES_WITHOUT_CUTS + 2 * cuts) * bounding_s
 
 

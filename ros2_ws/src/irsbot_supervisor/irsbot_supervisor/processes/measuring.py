@@ -35,7 +35,7 @@ DEPTH = 2000
 """States that the middleware holds for the listener."""
 
 
-def measure(robot: str, seconds: float) -> Times:
+def measure(robot: str, seconds: float, rate_hz: float) -> Times:
     """Run recorder, kinematics, supervisor and a standing simulated robot, and measure times of samples and verdicts.
 
     Raises SuiteError if the suite does not run.
@@ -60,7 +60,8 @@ def measure(robot: str, seconds: float) -> Times:
         suite.start(Node("recorder", RECORDER, {"output": str(Path(folder) / "bag")}))
         suite.start(Node("kinematics", KINEMATICS, {"robot": robot}))
         suite.start(Node("supervisor", SUPERVISOR, {"robot": robot}))
-        suite.start(Node("simulated_joints", JOINTS, {"robot": robot, "scenario": "stand", "listeners": 2}))
+        standing = {"robot": robot, "scenario": "stand", "listeners": 2, "rate_hz": rate_hz}
+        suite.start(Node("simulated_joints", JOINTS, standing))
         with Watch(domain, on_verdict) as watch:
             watch.node.create_subscription(StateMessage, "supervisor/state", on_state, DEPTH, raw=True)
             _look(suite, watch, STARTING_S, lambda: bool(seen))

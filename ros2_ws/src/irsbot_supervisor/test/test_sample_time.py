@@ -1,4 +1,7 @@
-"""The time of a box and the number of cuts that pays, by a clock that shows the number of boxes that were bounded."""
+"""The time of a box and of a step, and the number of cuts that pays.
+
+The clock of these tests shows the number of boxes that were bounded.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +11,14 @@ import pytest
 from counted import Counted
 from supervised import settings_of
 
-from irsbot_supervisor.configuration import box_time
-from irsbot_supervisor.configuration.box_time import TRIED, cuts_that_pay, longest_box_s
+from irsbot_supervisor.configuration import sample_time
+from irsbot_supervisor.configuration.sample_time import (
+    TRIED,
+    cuts_that_pay,
+    longest_box_s,
+    longest_step_s,
+    longest_times,
+)
 from irsbot_supervisor.configuration.stopping_cost import box_ways, free_time, places_above_stop, speeds_at_rest
 from irsbot_supervisor.core.box_search import BoxBounds, spare_of
 from irsbot_supervisor.core.settings import time_for_cuts
@@ -22,7 +31,7 @@ PERIOD_S = 0.001
 def test_the_time_of_one_box_is_that_of_one_box(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     settings, robot = settings_of(name)
     counted = Counted(robot.mechanism)
-    monkeypatch.setattr(box_time.time, "perf_counter_ns", lambda: counted.boxes)
+    monkeypatch.setattr(sample_time.time, "perf_counter_ns", lambda: counted.boxes)
     assert longest_box_s(settings, counted, PERIOD_S) == pytest.approx(1e-9)
 
 
@@ -30,8 +39,31 @@ def test_a_box_is_bounded_to_second_order_as_near_a_limit(monkeypatch: pytest.Mo
     settings, robot = settings_of("irsbot2")
     counted = Counted(robot.mechanism)
     counted.sharp_bounds = lambda *given: counted.certified_bounds(*given)
-    monkeypatch.setattr(box_time.time, "perf_counter_ns", lambda: counted.boxes)
+    monkeypatch.setattr(sample_time.time, "perf_counter_ns", lambda: counted.boxes)
     assert longest_box_s(settings, counted, PERIOD_S) == pytest.approx(2e-9)
+
+
+@pytest.mark.parametrize("name", ["irsbot2", "five_bar"])
+def test_the_longest_step_is_that_of_a_robot_that_needs_its_cuts(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The report takes a box, too."""
+    settings, robot = settings_of(name)
+    robot.mechanism = counted = Counted(robot.mechanism)
+    monkeypatch.setattr(sample_time.time, "perf_counter_ns", lambda: counted.boxes)
+    steps = [round(1e9 * longest_step_s(settings, robot, cuts, PERIOD_S)) for cuts in (0, 2, 12)]
+    assert 2 <= steps[0] <= 4
+    assert steps[0] < steps[1] <= 8
+    assert 14 <= steps[2] <= 28
+
+
+def test_a_sample_takes_the_longest_step_that_was_met_and_what_its_boxes_can_take(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    settings, robot = settings_of("irsbot2")
+    met = {0: 0.5, 2: 0.6, 4: 0.7, 12: 4.0}
+    monkeypatch.setattr(sample_time, "longest_step_s", lambda _settings, _robot, cuts, _period: met[cuts])
+    monkeypatch.setattr(sample_time, "longest_box_s", lambda *_: 0.1)
+    found = longest_times(settings, robot, PERIOD_S, (2, 4, 12))
+    assert found == pytest.approx({2: 0.5 + 4 * 0.1, 4: 0.5 + 8 * 0.1, 12: 4.0})
 
 
 def shares(name: str, bounding_s: float) -> dict[int, float]:
@@ -55,13 +87,14 @@ def shares(name: str, bounding_s: float) -> dict[int, float]:
 def test_the_number_of_cuts_is_that_with_the_fewest_stops(name: str, bounding_s: float) -> None:
     settings, robot = settings_of(name)
     found = shares(name, bounding_s)
-    assert cuts_that_pay(settings, robot.mechanism, bounding_s, PERIOD_S) == min(found, key=lambda cuts: found[cuts])
+    pays = cuts_that_pay(settings, robot.mechanism, dict.fromkeys(TRIED, bounding_s), PERIOD_S)
+    assert pays == min(found, key=lambda cuts: found[cuts])
 
 
 def test_cuts_that_take_no_time_pay_and_slow_ones_do_not() -> None:
     settings, robot = settings_of("irsbot2")
-    assert cuts_that_pay(settings, robot.mechanism, 1e-9, PERIOD_S) >= 8
-    assert cuts_that_pay(settings, robot.mechanism, 5e-3, PERIOD_S) == 0
+    assert cuts_that_pay(settings, robot.mechanism, dict.fromkeys(TRIED, 1e-9), PERIOD_S) >= 8
+    assert cuts_that_pay(settings, robot.mechanism, dict.fromkeys(TRIED, 5e-3), PERIOD_S) == 0
 
 
 def test_a_stated_judging_time_is_kept() -> None:
@@ -69,4 +102,4 @@ def test_a_stated_judging_time_is_kept() -> None:
     settings, robot = settings_of("irsbot2")
     settings = replace(settings, judging_s=0.004)
     timed = replace(settings, bounding_s=0.00014)
-    assert cuts_that_pay(settings, robot.mechanism, 0.00014, PERIOD_S) <= cuts_of(timed) == 12
+    assert cuts_that_pay(settings, robot.mechanism, dict.fromkeys(TRIED, 0.00014), PERIOD_S) <= cuts_of(timed) == 12
