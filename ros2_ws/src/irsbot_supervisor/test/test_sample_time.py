@@ -5,12 +5,14 @@ The clock of these tests shows the number of boxes that were bounded.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
 from counted import Counted
 from supervised import settings_of
 
+from irsbot_kinematics import CertifiedBounds, Posture
 from irsbot_supervisor.configuration import sample_time
 from irsbot_supervisor.configuration.sample_time import (
     TRIED,
@@ -21,6 +23,7 @@ from irsbot_supervisor.configuration.sample_time import (
 )
 from irsbot_supervisor.configuration.stopping_cost import box_ways, free_time, places_above_stop, speeds_at_rest
 from irsbot_supervisor.core.box_search import BoxBounds, spare_of
+from irsbot_supervisor.core.estimation.estimate import Speeds
 from irsbot_supervisor.core.settings import time_for_cuts
 from irsbot_supervisor.core.stopping import cuts_of, limits_of
 
@@ -41,6 +44,26 @@ def test_a_box_is_bounded_to_second_order_as_near_a_limit(monkeypatch: pytest.Mo
     counted.sharp_bounds = lambda *given: counted.certified_bounds(*given)
     monkeypatch.setattr(sample_time.time, "perf_counter_ns", lambda: counted.boxes)
     assert longest_box_s(settings, counted, PERIOD_S) == pytest.approx(2e-9)
+
+
+def test_boxes_of_robots_at_rest_at_half_and_at_full_speed_are_timed() -> None:
+    """Bounds of large boxes may end early, so the longest is not always that of the largest."""
+    settings, robot = settings_of("irsbot2")
+    counted, sizes = Counted(robot.mechanism), set()
+
+    def sharp_bounds(at: Posture, travel: Sequence[float], *others: float) -> CertifiedBounds:
+        sizes.add(round(travel[0], 6))
+        return robot.mechanism.sharp_bounds(at, travel, *others)
+
+    counted.sharp_bounds = sharp_bounds
+    longest_box_s(settings, counted, PERIOD_S)
+    free_s, fastest = free_time(settings, PERIOD_S), settings.velocity_limit
+    speeds = [
+        speeds_at_rest(settings, robot.mechanism.joints, PERIOD_S),
+        *[Speeds(v, v) for v in ((6.0, 6.0), fastest)],
+    ]
+    assert fastest == (12.0, 12.0)
+    assert sizes == {round(box_ways(settings, one, free_s)[0][0], 6) for one in speeds}
 
 
 @pytest.mark.parametrize("name", ["irsbot2", "five_bar"])

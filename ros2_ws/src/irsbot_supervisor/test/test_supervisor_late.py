@@ -174,3 +174,14 @@ def test_the_first_sample_after_a_change_has_the_time_that_the_last_box_covers(
         others += more
     assert 1 < max(firsts) <= most
     assert max(others) > most, "no sample needs more: the run proves nothing"
+
+
+@pytest.mark.parametrize(("changes", "hurried"), [({"judging_s": 27 * BOX_S}, True), ({"type1_warn": 0.2}, False)])
+def test_that_sample_is_judged_alone_in_a_replay_too(changes: dict[str, float], hurried: bool) -> None:
+    """Samples are judged as columns while the supervisor is quiet, with all cuts."""
+    supervisor, q = ready("irsbot2", bounding_s=BOX_S, judging_s=3 * BOX_S)
+    assert supervisor.quiet
+    supervisor.step(configure(0.1, supervisor, **changes))
+    assert supervisor.quiet is not hurried
+    supervisor.step(sample(1, q))
+    assert supervisor.quiet
