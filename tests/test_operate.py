@@ -92,14 +92,14 @@ def test_a_stopped_robot_is_led_out_along_its_escape_direction_and_reset(tmp_pat
         end_s = time.monotonic() + PATIENCE_S
         while not (stop := operator.verdict()).escape_direction:
             assert time.monotonic() < end_s, stop
-        assert stop.escape_cause & Cause.CONSTRAINT
-        while (done := irsbot(number, "send", "escape", "--seconds", 20)).returncode:
-            assert time.monotonic() < end_s, done.stderr  # samples are late on a busy machine: another stop, or no room
-        assert re.match(r"passed, at most: -?0\.\d+ ", done.stdout)
         end_s = time.monotonic() + PATIENCE_S
+        assert stop.escape_cause & Cause.CONSTRAINT
+        led = []
+        # On a busy machine samples are late: a command may end early, also with the robot out already.
         while not (answer := operator.reset(operator.verdict().event, "test: led out")).accepted:
-            assert time.monotonic() < end_s, answer.message  # a busy machine may be silent
-            irsbot(number, "send", "escape", "--seconds", 1)
+            assert time.monotonic() < end_s, (answer.message, led)
+            led.append(irsbot(number, "send", "escape", "--seconds", 20))
+        assert any(re.match(r"passed, at most: -?0\.\d+ ", done.stdout) for done in led)
 
 
 def test_a_domain_without_a_supervisor_is_reported_in_one_line() -> None:
