@@ -19,6 +19,7 @@ from irsbot_supervisor.cli.app import whole_app
 from irsbot_supervisor.cli.common import Failed
 from irsbot_supervisor.configuration.loading import read_settings, read_values
 from irsbot_supervisor.configuration.proposal import LimitProposal, Plant, propose
+from irsbot_supervisor.configuration.stopping_cost import prediction_delay
 from irsbot_supervisor.core.settings import InvalidSettings
 from irsbot_supervisor.core.stopping import limits_of
 from irsbot_supervisor.core.supervisor import Supervisor
@@ -338,8 +339,10 @@ def test_errors_larger_than_any_margin_leave_a_guide_with_a_fault():
 def test_a_stated_time_to_judge_is_part_of_every_distance_and_of_the_proposed_file() -> None:
     """Twice: while a sample is judged, the next one waits."""
     plain, timed = (guided("irsbot2", **stated)[0] for stated in ({}, {"judging_s": 0.0075, "bounding_s": 0.0005}))
-    assert IRSBOT2.prediction_delay_s == pytest.approx(2.0 / RATE_HZ)
-    assert IRSBOT2._replace(judging_s=0.0075).prediction_delay_s == pytest.approx(2.0 * 0.0075)
+    delays_s = [
+        prediction_delay(settings_of("irsbot2", **one)[0], 1.0 / RATE_HZ) for one in ({}, {"judging_s": 0.0075})
+    ]
+    assert delays_s == pytest.approx([2.0 / RATE_HZ, 2.0 * 0.0075])
     grown_s = [after.free_s - before.free_s for after, before in zip(timed.costs, plain.costs, strict=True)]
     assert grown_s[0] == pytest.approx(2.0 * (0.0075 - 1.0 / RATE_HZ))
     assert timed.together < plain.together

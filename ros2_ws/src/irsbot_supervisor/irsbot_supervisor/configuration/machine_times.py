@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from math import ceil, inf
 from typing import NamedTuple
 
-from irsbot_supervisor.core.estimation.sample_interval import judging_time
+from irsbot_supervisor.configuration.stopping_cost import longest_judging
 from irsbot_supervisor.core.settings import Settings, time_for_cuts
 from irsbot_supervisor.core.stopping import cuts_of
 
@@ -80,7 +80,7 @@ def proposed_bounding(settings: Settings, longest_s: Mapping[int, float], cuts: 
 def proposals(settings: Settings, met: Times, period_s: float, bounding: Proposed, cuts: int) -> list[Proposed]:
     """stale_s, heartbeat_s, latency_s, bounding_s and judging_s from measured times; never below the values in force.
     period_s: between the samples of the run. cuts: that a sample has to have time for."""
-    allowed_s = judging_time(settings.judging_s, max(period_s, settings.least_gap_s))
+    allowed_s = longest_judging(settings, period_s)
     judged = settings.judging_s if met.judging_s <= allowed_s else _up(LATE * met.judging_s)
     judging, why = _up(time_for_cuts(bounding.value, cuts), TEN_US), f"time for {cuts} cut{'s' * (cuts != 1)}"
     if judged >= judging:

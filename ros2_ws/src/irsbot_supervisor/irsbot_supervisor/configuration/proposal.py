@@ -13,10 +13,9 @@ from irsbot_kinematics.mechanism import Floats
 from irsbot_supervisor.configuration.feasibility import infeasibilities
 from irsbot_supervisor.configuration.near_limits import NearLimit, near_limits
 from irsbot_supervisor.configuration.stoppable_speed import postures
-from irsbot_supervisor.configuration.stopping_cost import Cost, costs
+from irsbot_supervisor.configuration.stopping_cost import Cost, costs, free_time, prediction_delay
 from irsbot_supervisor.configuration.stopping_room import Stopping, room_to_stop
 from irsbot_supervisor.core.estimation.observer import excess
-from irsbot_supervisor.core.estimation.sample_interval import judging_time
 from irsbot_supervisor.core.margins import MARGIN_NAMES
 from irsbot_supervisor.core.settings import LEAST_LIMIT, InvalidSettings, Settings, completed
 
@@ -55,12 +54,6 @@ class Plant(NamedTuple):
     stamp_jitter_s: float = Settings.stamp_jitter_s  # by which a stamp differs from when positions were read
     judging_s: float = Settings.judging_s  # longest time to judge a sample, as stated
     bounding_s: float = Settings.bounding_s  # its part for one box, as stated
-
-    @property
-    def prediction_delay_s(self) -> float:
-        """s that a robot moves without supervision: until the next sample, which is not delayed, is judged."""
-        gap_s = max(1.0 / self.rate_hz, self.judging_s)
-        return gap_s + judging_time(self.judging_s, gap_s)
 
 
 class Proposal(NamedTuple):
@@ -105,7 +98,7 @@ def propose(robot: Robot, name: str, plant: Plant) -> LimitProposal:
     proposals.append(_hysteresis(base, plant, proposals, nears))
     settings = completed({"robot": name, **{one.name: one.value for one in proposals}}, robot)
     faults = infeasibilities(settings, mechanism)
-    rows, together = room_to_stop(settings, mechanism, plant.prediction_delay_s)
+    rows, together = room_to_stop(settings, mechanism, prediction_delay(settings, 1.0 / plant.rate_hz))
     return LimitProposal(proposals, rows, together, "; ".join(faults), costs(settings, mechanism, plant.rate_hz))
 
 
@@ -135,7 +128,7 @@ def _heeding(base: Settings, plant: Plant) -> Floats:
     u = x + a T on the joint cannot get back to V any more, and what it can reach shrinks.
     """
     period_s = 1.0 / plant.rate_hz
-    free_s = plant.prediction_delay_s + base.latency_s
+    free_s = free_time(base, period_s)
     drives = zip(base.velocity_limit, base.acceleration_limit, base.deceleration_limit, strict=True)
     ways = []
     for (v, a, d), x in zip(drives, excess(base, period_s), strict=True):

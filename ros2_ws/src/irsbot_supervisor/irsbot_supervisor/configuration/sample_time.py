@@ -15,13 +15,14 @@ from irsbot_supervisor.configuration.stopping_cost import (
     box_around,
     box_ways,
     free_time,
+    longest_judging,
     places_above_stop,
     stopped_at_rest,
     ways_at_rest,
 )
 from irsbot_supervisor.core.box_search import BoxBounds
 from irsbot_supervisor.core.estimation.estimate import Speeds
-from irsbot_supervisor.core.estimation.sample_interval import SETTLING, judging_time
+from irsbot_supervisor.core.estimation.sample_interval import SETTLING
 from irsbot_supervisor.core.margins import margins_of
 from irsbot_supervisor.core.settings import Settings, time_for_cuts
 from irsbot_supervisor.core.supervisor import Supervisor
@@ -75,7 +76,7 @@ def longest_box_s(settings: Settings, mechanism: Mechanism, period_s: float) -> 
 def longest_step_s(settings: Settings, robot: Robot, cuts: int, period_s: float) -> float:
     """s: longest step of a supervisor that makes at most so many cuts for a sample. Robots begin above the stop limits,
     and speed up as hard as they can until they are stopped. 0 if there is no place to begin."""
-    judging_s = judging_time(settings.judging_s, max(period_s, settings.least_gap_s))
+    judging_s = longest_judging(settings, period_s)
     timed = replace(settings, bounding_s=judging_s / time_for_cuts(1.0, cuts), judging_s=judging_s)
     places = places_above_stop(settings, robot.mechanism)
     longest_ns = 0

@@ -74,8 +74,17 @@ def speeds_at_rest(settings: Settings, joints: tuple[Coordinate, ...], period_s:
 
 def free_time(settings: Settings, period_s: float) -> float:
     """T, s: from a sample, which is not delayed, until brakes act, if the next sample is the one that stops."""
-    gap_s = max(period_s, settings.least_gap_s)
-    return gap_s + judging_time(settings.judging_s, gap_s) + settings.latency_s
+    return prediction_delay(settings, period_s) + settings.latency_s
+
+
+def prediction_delay(settings: Settings, period_s: float) -> float:
+    """G + J, s: from a sample, which is not delayed, until the next one is judged."""
+    return max(period_s, settings.least_gap_s) + longest_judging(settings, period_s)
+
+
+def longest_judging(settings: Settings, period_s: float) -> float:
+    """J, s: longest time to judge a sample. period_s: between samples."""
+    return judging_time(settings.judging_s, max(period_s, settings.least_gap_s))
 
 
 def box_ways(settings: Settings, speeds: Speeds, free_s: float) -> tuple[Floats, Floats]:
