@@ -122,7 +122,7 @@ def up(
         nodes = [Node("suite", TOGETHER, {**bag, **drives}, remaps)]
     prepare(target)
     end_in_order_when_told_to()
-    with Suite(target / LOGS, domain, place, params) as suite, contextlib.suppress(KeyboardInterrupt):
+    with contextlib.suppress(KeyboardInterrupt), Suite(target / LOGS, domain, place, params) as suite:
         for node in (*nodes, *guests):
             suite.start(node)
         if web:

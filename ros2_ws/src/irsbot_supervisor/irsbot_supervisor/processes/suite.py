@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import contextlib
 import ctypes
 import json
 import os
@@ -12,9 +13,10 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from types import TracebackType
@@ -157,7 +159,27 @@ class Suite:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.stop()
+        with _signals_held() as held:  # a node that is not waited for dies with this process, and its bag stays open
+            self.stop()
+        if kind is None:  # an error ends the command anyway
+            for number in held:
+                signal.raise_signal(number)
+
+
+@contextlib.contextmanager
+def _signals_held() -> Iterator[list[int]]:
+    """Hold SIGINT and SIGTERM back, if they have handlers here. Yields the list of those that come."""
+    held: list[int] = []
+    ours = threading.current_thread() is threading.main_thread()  # no other thread sees signals
+    handlers = {how: signal.getsignal(how) for how in (signal.SIGINT, signal.SIGTERM) if ours}
+    handlers = {how: handler for how, handler in handlers.items() if callable(handler)}
+    try:
+        for how in handlers:
+            signal.signal(how, lambda number, _frame: held.append(number))
+        yield held
+    finally:
+        for how, handler in handlers.items():
+            signal.signal(how, handler)
 
 
 _claims: deque[socket.socket] = deque()
