@@ -9,7 +9,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from command import IRSBOT, PATIENCE_S
+from command import IRSBOT, PATIENCE_S, Said, irsbot
 from mcap.reader import make_reader
 
 from irsbot_msgs_py.records import Level, SingularityState
@@ -105,23 +105,23 @@ def test_a_bag_becomes_a_test_that_fails_until_a_person_has_read_it(tmp_path: Pa
     bag = shutil.copytree(ROOT / "bags" / "type2", tmp_path / "mine", ignore=shutil.ignore_patterns("expected.json"))
     draft = bag / "expected.json"
 
-    def replay(*more: str) -> subprocess.CompletedProcess[str]:
-        return subprocess.run([*IRSBOT, "replay", str(bag), *more], capture_output=True, text=True, timeout=PATIENCE_S)
+    def replay(*more: object) -> Said:
+        return irsbot("replay", bag, *more)
 
-    assert replay("--write-expect", str(draft)).returncode == 0
+    assert replay("--write-expect", draft).code == 0
     unread = replay()
-    assert unread.returncode == 1
-    assert "a person has to read it" in unread.stderr
+    assert unread.code == 1
+    assert "a person has to read it" in unread.err
     stated = json.loads(draft.read_text())
     del stated["draft"]
     draft.write_text(json.dumps(stated))
-    assert replay().returncode == 0
-    again = replay("--write-expect", str(draft))
-    assert again.returncode == 2
-    assert "never replaced" in again.stderr
+    assert replay().code == 0
+    again = replay("--write-expect", draft)
+    assert again.code == 2
+    assert "never replaced" in again.err
     stated["story"][-1]["causes"] = ["LIMB"]
     draft.write_text(json.dumps(stated))
-    assert replay().returncode == 1
+    assert replay().code == 1
 
 
 def test_the_lines_for_ci_report_every_bag_and_fail_if_one_differs(tmp_path: Path) -> None:

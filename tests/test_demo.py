@@ -16,7 +16,7 @@ from typing import Any
 import psutil
 import pytest
 import yaml
-from command import IRSBOT, PATIENCE_S
+from command import IRSBOT, PATIENCE_S, irsbot
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
@@ -235,7 +235,8 @@ def test_killing_the_demo_kills_its_nodes(tmp_path: Path) -> None:
     assert not alive
 
 
-def test_bad_use_is_refused_in_one_line(tmp_path: Path) -> None:
+def test_bad_use_is_refused_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
     for arguments, words in (
         (["demo", "--scenario", "nonsense"], "nonsense"),
         (["demo", "--robot", "nonsense"], "nonsense"),
@@ -249,35 +250,30 @@ def test_bad_use_is_refused_in_one_line(tmp_path: Path) -> None:
         (["ik", "irsbot2", "nan", "0"], "finite"),
         (["dk", "irsbot2", "0", "0", "--assembly", "7"], "assembly mode 7"),
     ):
-        done = subprocess.run([*IRSBOT, *arguments], capture_output=True, text=True, timeout=PATIENCE_S, cwd=tmp_path)
-        assert done.returncode == 2, (arguments, done)
-        assert words in done.stderr, (arguments, done.stderr)
-        assert len(done.stderr.strip().splitlines()) == 1, done.stderr
-        assert "Traceback" not in done.stderr
-        assert not done.stdout
+        done = irsbot(*arguments)
+        assert done.code == 2, (arguments, done)
+        assert words in done.refusal, (arguments, done)
+        assert not done.out
     assert not list(tmp_path.iterdir()), "a refused command left something behind"
 
 
 def test_inverse_kinematics_from_the_shell() -> None:
-    done = subprocess.run(
-        [*IRSBOT, "ik", "irsbot2", "0.3", "-0.75", "--json"], capture_output=True, text=True, timeout=120
-    )
-    found = {tuple(s["working_mode"]): s["joints"] for s in json.loads(done.stdout)["solutions"]}
+    done = irsbot("ik", "irsbot2", "0.3", "-0.75", "--json")
+    found = {tuple(s["working_mode"]): s["joints"] for s in json.loads(done.out)["solutions"]}
     assert found[1, -1] == pytest.approx([2.544003124, -0.190028776], abs=1e-9)  # the sheet's W1, printed digits
     assert found[-1, 1] == pytest.approx([-0.196686461, 2.604320414], abs=1e-9)
     assert found[1, 1] == pytest.approx([2.544003124, 2.604320414], abs=1e-9)
     assert found[-1, -1] == pytest.approx([-0.196686461, -0.190028776], abs=1e-9)
-    done = subprocess.run([*IRSBOT, "ik", "irsbot2", "0", "-1.25"], capture_output=True, text=True, timeout=120)
-    assert done.returncode == 1
-    assert "unreachable by 50.08 mm" in done.stderr
+    done = irsbot("ik", "irsbot2", "0", "-1.25")
+    assert done.code == 1
+    assert "unreachable by 50.08 mm" in done.refusal
 
 
 def test_the_report_is_one_page_with_everything_in_it(tmp_path: Path) -> None:
     bag = Path(__file__).parents[1] / "bags" / "type2"
     page = tmp_path / "run.html"
-    command = [*IRSBOT, "report", str(bag), "-o", str(page)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
-    assert done.returncode == 0, done.stderr
+    done = irsbot("report", bag, "-o", page)
+    assert done.code == 0, done.err
     text = page.read_text()
     for words in ('id="data"', "Type 2 margin", "BRAKING", "recorded verdicts: same", "type2_stop"):
         assert words in text
@@ -287,10 +283,9 @@ def test_the_report_is_one_page_with_everything_in_it(tmp_path: Path) -> None:
 def test_a_planned_motion_is_certified_or_its_first_violation_named(tmp_path: Path) -> None:
     motion = tmp_path / "motion.csv"
     motion.write_text("time_s,joint_1,joint_2\n0,3.14,0.0\n1,3.0,0.1\n")
-    command = [*IRSBOT, "check-trajectory", "irsbot2", str(motion)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
-    assert done.returncode == 0, done.stderr
+    done = irsbot("check-trajectory", "irsbot2", motion)
+    assert done.code == 0, done.err
     motion.write_text("time_s,joint_1,joint_2\n0,3.14,0.0\n1,1.5,1.6\n")
-    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
-    assert done.returncode == 1
-    assert "limit" in done.stderr
+    done = irsbot("check-trajectory", "irsbot2", motion)
+    assert done.code == 1
+    assert "limit" in done.err

@@ -5,17 +5,18 @@ from __future__ import annotations
 import json
 import re
 import shlex
-import subprocess
 from pathlib import Path
 
 import pytest
-from command import IRSBOT
+from command import Said, irsbot
 
 PAGE = (Path(__file__).parents[1] / "docs" / "how_to" / "limits.md").read_text()
 
 
-def run(arguments: list[str], folder: Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([*IRSBOT, *arguments], capture_output=True, text=True, timeout=120, cwd=folder)
+def run(arguments: list[str], folder: Path) -> Said:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        return irsbot(*arguments)
 
 
 @pytest.fixture(scope="module")
@@ -24,8 +25,8 @@ def example(tmp_path_factory: pytest.TempPathFactory) -> tuple[list[str], Path, 
     command = re.findall(r"^    \./irsbot (limits .*?)\n\n", PAGE, re.MULTILINE | re.DOTALL)[0]
     arguments, folder = shlex.split(command.replace("\\\n", " ")), tmp_path_factory.mktemp("limits")
     done = run([*arguments, "--json"], folder)
-    assert done.returncode == 0, done.stderr
-    return arguments, folder, json.loads(done.stdout)
+    assert done.code == 0, done.err
+    return arguments, folder, json.loads(done.out)
 
 
 def test_the_table_of_the_example_is_the_proposal_of_the_command(example: tuple[list[str], Path, dict]) -> None:
@@ -64,19 +65,19 @@ def test_the_distances_of_the_example_are_those_of_the_command(example: tuple[li
 
 def test_the_file_of_the_example_is_accepted(example: tuple[list[str], Path, dict]) -> None:
     _arguments, folder, _stated = example
-    assert run(["settings", "irsbot2", "--file", "mine.yaml"], folder).returncode == 0
+    assert run(["settings", "irsbot2", "--file", "mine.yaml"], folder).code == 0
 
 
 def test_the_last_two_sentences_hold(example: tuple[list[str], Path, dict]) -> None:
     arguments, folder, stated = example
     tolerance = arguments.index("--geometry-tolerance") + 1
     coarse = run([*arguments[:tolerance], "0.002", *arguments[tolerance + 1 :], "--json", "--force"], folder)
-    assert json.loads(coarse.stdout)["settings"]["constraint_stop"] == 0.15 > stated["settings"]["constraint_stop"]
-    assert run([*arguments, "--deceleration", "10", "--force"], folder).returncode == 1
+    assert json.loads(coarse.out)["settings"]["constraint_stop"] == 0.15 > stated["settings"]["constraint_stop"]
+    assert run([*arguments, "--deceleration", "10", "--force"], folder).code == 1
 
 
 def test_the_quoted_refusal_is_that_of_the_command(tmp_path: Path) -> None:
     quoted = " ".join(re.findall(r"joint 'joint_1' needs .*? can be stopped", PAGE, re.DOTALL)[0].split())
     done = run(["limits", "irsbot2", "--deceleration", "20"], tmp_path)
-    assert done.returncode == 1
-    assert quoted in done.stderr
+    assert done.code == 1
+    assert quoted in done.err

@@ -16,7 +16,7 @@ from irsbot_kinematics.numerics.arithmetic import FLOATS, Array
 from irsbot_kinematics.numerics.tolerances import REACH_TOL_M
 
 COMBINED = 60
-"""Largest number of combinations of corners and middles of the ranges."""
+"""Largest number of combinations of corners and middles of the ranges; not more than random joint positions."""
 EQUAL = 6
 """Number of joint positions that are all equal, or equal with alternating signs."""
 BOUNDARY = 3
@@ -145,7 +145,7 @@ def _special_joints(machine: Machine) -> Iterator[Floats]:
         for joint, first, last in zip(mechanism.joints, lower.tolist(), upper.tolist(), strict=True)
     ]
     combined = list(product(*kinds))
-    for k in rng.permutation(len(combined))[:COMBINED]:
+    for k in rng.permutation(len(combined))[: min(COMBINED, len(machine.joints))]:
         yield combined[k]
     for share in rng.uniform(size=EQUAL):
         same = lower + share * (upper - lower)

@@ -155,10 +155,13 @@ class _Stream:
         low, high = (bound[len(before) :] for bound in boxes(stamps, positions, settings, unseen_s))
         ats = list(followed(self._robot, batch.positions, moving.at))
         moving.at = ats[-1]
-        least = least_margins(self._robot, settings, low, high, ats)
-        moves = batch.stamps >= self._rest * PERIOD_S
-        clear: Which = moves & (least >= CLEAR_OF_STOP * limits(settings, "stop")).all(axis=1)
-        return clear, clear & (least >= CLEAR_OF_WARNING * limits(settings, "warn")).all(axis=1)
+        rows = np.flatnonzero(batch.stamps >= self._rest * PERIOD_S)  # no other sample counts
+        least = np.full((len(ats), 4), -np.inf)
+        if len(rows):
+            least[rows] = least_margins(self._robot, settings, low[rows], high[rows], [ats[row] for row in rows])
+        clear: Which = (least >= CLEAR_OF_STOP * limits(settings, "stop")).all(axis=1)
+        calm: Which = (least >= CLEAR_OF_WARNING * limits(settings, "warn")).all(axis=1)
+        return clear, clear & calm
 
     def _judge(self, tally: Tally, batch: _Batch, clear: Which, calm: Which) -> None:
         levels = np.array(batch.levels)
