@@ -159,8 +159,8 @@ class _Stream:
         least = np.full((len(ats), 4), -np.inf)
         if len(rows):
             least[rows] = least_margins(self._robot, settings, low[rows], high[rows], [ats[row] for row in rows])
-        clear: Which = (least >= CLEAR_OF_STOP * limits(settings, "stop")).all(axis=1)
-        calm: Which = (least >= CLEAR_OF_WARNING * limits(settings, "warn")).all(axis=1)
+        clear: Which = np.all(least >= CLEAR_OF_STOP * limits(settings, "stop"), axis=1)
+        calm: Which = np.all(least >= CLEAR_OF_WARNING * limits(settings, "warn"), axis=1)
         return clear, clear & calm
 
     def _judge(self, tally: Tally, batch: _Batch, clear: Which, calm: Which) -> None:
