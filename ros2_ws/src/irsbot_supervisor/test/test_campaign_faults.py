@@ -37,6 +37,7 @@ from irsbot_supervisor.validation.in_process import (
     escape,
     garbage,
     loci,
+    reachable,
     stamps,
     swings,
 )
@@ -294,6 +295,13 @@ def test_only_samples_that_are_clear_are_judged(monkeypatch: pytest.MonkeyPatch)
     assert row.amount < 100
     assert row.failed == 1
     assert "are clear" in row.note
+
+
+def test_a_batch_in_which_no_robot_moves_yet_has_no_clear_sample(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(clean, "BATCH", 50)
+    monkeypatch.setitem(reachable.POINTS, 3, 2)  # corners will do
+    row = clean.run(job(60, "rrr3_base"))
+    assert (row.amount, row.failed) == (60, 0), row
 
 
 def test_a_motion_ends_where_a_stop_is_due_and_another_one_begins(monkeypatch: pytest.MonkeyPatch) -> None:
