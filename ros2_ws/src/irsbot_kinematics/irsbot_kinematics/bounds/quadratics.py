@@ -118,7 +118,7 @@ def corner_values(n: int, a: Quadratic) -> list[float]:
     for k in range(n):
         slopes = [a[1 + k]]
         for _ in range(k):
-            slopes = _doubled(slopes, [a[place]] * len(slopes))
+            slopes = _spread(slopes, a[place])
             place += 1
         values = _doubled(values, slopes)
     return values
@@ -144,7 +144,7 @@ def least(n: int, a: Quadratic) -> float:
         rise = values[corner ^ side] - lowest
         share = rise / (4.0 * convex) if rise < 4.0 * convex else 1.0
         bend = 2.0 * convex * (share if corner & side else -share)
-        bends = _doubled(bends, [bend] * len(bends))
+        bends = _spread(bends, bend)
         less += convex * (1.0 + share * share)
     found = values[0] + bends[0]
     for k in range(1, len(values)):
@@ -158,3 +158,8 @@ def least(n: int, a: Quadratic) -> float:
 def _doubled(values: list[float], slopes: list[float]) -> list[float]:
     """Values at the corners of one joint more, in which these are the slopes."""
     return [values[k] - slopes[k] for k in range(len(values))] + [values[k] + slopes[k] for k in range(len(values))]
+
+
+def _spread(values: list[float], slope: float) -> list[float]:
+    """The same, with one slope at all corners."""
+    return [value - slope for value in values] + [value + slope for value in values]
