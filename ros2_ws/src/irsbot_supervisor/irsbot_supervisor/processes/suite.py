@@ -170,9 +170,9 @@ class Suite:
 def _signals_held() -> Iterator[list[int]]:
     """Hold SIGINT and SIGTERM back, if they have handlers here. Yields the list of those that come."""
     held: list[int] = []
-    ours = threading.current_thread() is threading.main_thread()  # no other thread sees signals
-    handlers = {how: signal.getsignal(how) for how in (signal.SIGINT, signal.SIGTERM) if ours}
-    handlers = {how: handler for how, handler in handlers.items() if callable(handler)}
+    main = threading.current_thread() is threading.main_thread()  # no other thread sees signals
+    numbers = (signal.SIGINT, signal.SIGTERM) if main else ()
+    handlers = {how: handler for how in numbers if callable(handler := signal.getsignal(how))}
     try:
         for how in handlers:
             signal.signal(how, lambda number, _frame: held.append(number))
