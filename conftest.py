@@ -25,12 +25,13 @@ with suppress(ImportError):  # of an older Hypothesis, which does not do this
 
 settings.register_profile(
     "irsbot",
-    max_examples=20,
+    max_examples=10,
     deadline=None,
     derandomize=True,
     database=None,
     suppress_health_check=[HealthCheck.filter_too_much],
 )
+settings.register_profile("thorough", settings.get_profile("irsbot"), max_examples=20)  # of mutation tests
 settings.load_profile("irsbot")
 
 

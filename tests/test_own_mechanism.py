@@ -26,17 +26,17 @@ def check(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_the_mechanism_of_the_documentation_keeps_every_law() -> None:
-    done = check(str(EXAMPLE / "prr3.yaml"), "--joints", "60")
+    done = check(str(EXAMPLE / "prr3.yaml"), "--joints", "30")
     assert done.returncode == 0, done.stderr
     assert f"prr3 keeps all {len(LAWS) + 1} laws" in done.stdout
-    stated = json.loads(check(str(EXAMPLE / "prr3.yaml"), "--json", "--joints", "60").stdout)
+    stated = json.loads(check(str(EXAMPLE / "prr3.yaml"), "--json", "--joints", "30").stdout)
     assert stated["holds"]
     assert {law["law"] for law in stated["laws"]} == {"postures", *[entry.name for entry in LAWS]}
     assert all(law["tried"] > 0 and law["worst"] <= law["allowed"] for law in stated["laws"])
 
 
 def test_one_law_may_be_checked_alone() -> None:
-    done = check(str(EXAMPLE / "prr3.yaml"), "--only", "inverse rates", "--joints", "60")
+    done = check(str(EXAMPLE / "prr3.yaml"), "--only", "inverse rates", "--joints", "30")
     assert done.returncode == 0, done.stderr
     assert "prr3 keeps inverse rates" in done.stdout
     assert "inverse closes" not in done.stdout
@@ -46,7 +46,7 @@ def test_one_law_may_be_checked_alone() -> None:
 
 
 def test_the_example_with_struts_keeps_every_law() -> None:
-    stated = json.loads(check(str(STRUTS), "--json", "--joints", "60").stdout)
+    stated = json.loads(check(str(STRUTS), "--json", "--joints", "30").stdout)
     assert stated["holds"], [law for law in stated["laws"] if law["broken"]]
     assert all(law["tried"] > 1 for law in stated["laws"] if law["law"].endswith("declared"))
 

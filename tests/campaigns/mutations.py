@@ -164,7 +164,7 @@ def run_tests(folder: Path, module: str, tests: list[str] | None = None) -> str:
     fails. Returns that one, empty if all passed. tests: only these."""
     files, keyword = tests_of(module)
     stated = folder / "said"
-    words = ["-x", "-q", "-p", "no:cacheprovider", "--tb=no", "-W", ALREADY_LOADED]
+    words = ["-x", "-q", "-p", "no:cacheprovider", "--hypothesis-profile=thorough", "--tb=no", "-W", ALREADY_LOADED]
     words += ["-o", f"pythonpath={folder}"]
     words += tests or [*(["-k", keyword] if keyword else []), *(str(SRC / file) for file in files)]
     process = multiprocessing.get_context("fork").Process(target=_pytest, args=(folder, stated, words))

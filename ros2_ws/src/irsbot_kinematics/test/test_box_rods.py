@@ -118,7 +118,7 @@ def test_rods_of_any_place_and_motion_stay_within_the_bounds_of_a_box(platform, 
     """Near ends and lengths anywhere within their bounds, all corners, and where the Type 2 margin falls fastest."""
     rng, (n, m) = np.random.default_rng(32), PLATFORMS[platform]
     others, promised, used = 12, 0, np.zeros(3)
-    for _ in range(200 if m < n > 3 else 50):
+    for _ in range(200 if m < n > 3 else 25):
         box = random_box(rng, n, m, way)
         machine = box.machine
         stated = reached(machine.posture, box.rods(), box.arm)
@@ -142,7 +142,7 @@ def test_rods_of_any_place_and_motion_stay_within_the_bounds_of_a_box(platform, 
         assert (found.type2 >= stated.type2 - ROUNDING).all()
         loss = (start.type2 - found.type2) / (start.type2 - stated.type2 + 1e-9)
         used = np.maximum(used, [(off / (stated.aside + 1e-9)).max(), (rest / (most + 1e-9)).max(), loss.max()])
-    assert promised > 10, "hardly anything is promised"
+    assert promised > 5, "hardly anything is promised"
     assert (used > [0.5, 0.5, 0.5]).all(), "what happens is far from what is said of displacement, directions, Type 2"
 
 

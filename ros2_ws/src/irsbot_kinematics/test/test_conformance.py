@@ -24,7 +24,7 @@ GEOMETRY = DeltaGeometry(2.0, (0.0, 4.0))
 @pytest.mark.parametrize("name", irs.robots())
 def test_every_shipped_robot_keeps_every_law(name):
     robot = irs.make_robot(name)
-    checks = list(conformance(robot, joints=60 if robot.mechanism.label_is_invariant else 25))
+    checks = list(conformance(robot, joints=30 if robot.mechanism.label_is_invariant else 25))
     assert [check.law for check in checks] == ["postures", *[entry.name for entry in LAWS]]
     assert [check.broken for check in checks if check.broken] == []
     assert all(check.tried > 0 and check.words for check in checks)
@@ -273,7 +273,7 @@ DEGENERATE = {
 @pytest.mark.parametrize("name", DEGENERATE)
 def test_machines_that_are_often_singular_are_answered_too(name):
     preset, lengths = DEGENERATE[name]
-    cases = list(singular_answered(Machine(irs.make_robot(preset, **lengths), 30, 2)))
+    cases = list(singular_answered(Machine(irs.make_robot(preset, **lengths), 15, 2)))
     assert [case.stated for case in cases if not case.error <= 1e-9] == []
     assert cases
 

@@ -18,7 +18,6 @@ from irsbot_supervisor.validation.harness.rows import Job, Row
 from irsbot_supervisor.validation.in_process import adversary, assault, edges, reachable
 from irsbot_supervisor.validation.in_process.deceit import BEGIN_NS, ERRORS, LAG_S, LIES, Attack, Deceit, Timing, told
 from irsbot_supervisor.validation.in_process.hostile import DrivenMotion, Push
-from irsbot_supervisor.validation.in_process.schemes import SCHEMES
 
 pytestmark = pytest.mark.slow
 
@@ -216,7 +215,7 @@ def row_against(fake: type, monkeypatch: pytest.MonkeyPatch, amount: int, *robot
 
 
 def test_a_supervisor_that_never_stops_is_found_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    row = row_against(FakeLenientSupervisor, monkeypatch, len(SCHEMES), "irsbot2")
+    row = row_against(FakeLenientSupervisor, monkeypatch, 4, "irsbot2")
     assert row.unsafe > row.amount // 4
     assert row.figures["beyond"] == row.unsafe
     assert row.figures["worst spare, relative to its limit"] < 0.0
@@ -224,13 +223,13 @@ def test_a_supervisor_that_never_stops_is_found_out(monkeypatch: pytest.MonkeyPa
 
 
 def test_a_supervisor_that_holds_is_not_blamed(monkeypatch: pytest.MonkeyPatch) -> None:
-    row = row_against(FakeBoxSupervisor, monkeypatch, len(SCHEMES), "irsbot2")
+    row = row_against(FakeBoxSupervisor, monkeypatch, 4, "irsbot2")
     assert row.ok, row
     assert row.figures["stopped"] > row.amount // 3, "the attack bites"
     assert row.figures["worst spare, relative to its limit"] >= 0.0
 
 
 def test_a_robot_that_cannot_be_switched_on_near_a_limit_comes_from_afar(monkeypatch: pytest.MonkeyPatch) -> None:
-    row = row_against(FakeHastySupervisor, monkeypatch, len(SCHEMES), "irsbot2")
+    row = row_against(FakeHastySupervisor, monkeypatch, 4, "irsbot2")
     assert row.unsafe == 0, row
     assert row.figures["stopped"] > row.amount // 4, "the attack bites"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,7 @@ RATE_HZ = 500.0
 IRSBOT2 = Plant((12.0,), (400.0,), 0.01, RATE_HZ, 1e-5, 0.0, 0.0, 20.0 / 3.0)
 
 
+@cache
 def guided(name: str, **changes) -> tuple[LimitProposal, irs.Robot]:
     settings, robot = settings_of(name)
     plant = IRSBOT2._replace(

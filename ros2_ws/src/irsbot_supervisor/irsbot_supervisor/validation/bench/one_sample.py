@@ -51,7 +51,7 @@ def measure(tell: Callable[[str], None], *, quick: bool = False) -> list[OneSamp
     results = []
     for name in scenario_robots(SCENARIO):
         tell(f"one sample: {name}")
-        results.append(measure_robot(name, *((300, 3, 2) if quick else (3000, 200, 7))))
+        results.append(measure_robot(name, *((100, 2, 2) if quick else (3000, 200, 7))))
     return results
 
 

@@ -27,7 +27,7 @@ MUST = (
 
 RUNS_OF_EDGE = 8
 """Number of runs that begin at one place."""
-GENERATIONS, POPULATION = (2, 50), (5, 10)
+GENERATIONS, POPULATION = (1, 50), (5, 10)
 """Size of the optimiser, in a short row and in a long one."""
 LONG = 1000
 """Number of runs of a robot from which a row is a long one."""
