@@ -26,6 +26,8 @@ FILES = {
     "other.csv": "a,b\n1,2\n",
     "binary.csv": "\x00\xff\x00",
     "no.yaml": "mechanism: [",
+    "deep.yaml": "[" * 3000,
+    "date.yaml": "description: 2024-13-45\n",
     "list.yaml": "- 1\n",
     "unknown.yaml": "mechanism: seven_bar\ngeometry: {l1: 1.0}\n",
     "extra.yaml": "mechanism: five_bar\ngeometry: {l1: 0.4, l2: 0.4, b: 0.2, l9: 1.0}\n",
@@ -60,6 +62,8 @@ demo --scenario nonsense
 demo --scenario nofile.yaml
 demo --scenario scenario.yaml
 demo --scenario no.yaml
+demo --scenario deep.yaml
+demo --scenario date.yaml
 demo --scenario still.yaml
 demo --robot nonsense
 demo --robot unknown.yaml
@@ -80,6 +84,8 @@ ik irsbot2
 ik nonsense 0 -0.8
 ik nofile.yaml 0 -0.8
 ik no.yaml 0 -0.8
+ik deep.yaml 0 -0.8
+ik date.yaml 0 -0.8
 ik list.yaml 0 -0.8
 ik unknown.yaml 0 -0.8
 ik extra.yaml 0 -0.8
@@ -125,6 +131,7 @@ replay not.mcap --expect story.json
 replay not.mcap --junit exists.xml
 replay not.mcap --junit not.mcap --force
 replay not.mcap --settings nofile.yaml
+replay not.mcap --settings deep.yaml
 report not.mcap
 report nofile -o x.html
 report not.mcap -o x.pdf
@@ -163,6 +170,8 @@ settings irsbot2 --file nofile.yaml
 settings irsbot2 --file settings.yaml
 settings irsbot2 --file unknown_settings.yaml
 settings irsbot2 --file list.yaml
+settings irsbot2 --file deep.yaml
+settings irsbot2 --file date.yaml
 limits nonsense
 limits irsbot2 --speed fast
 limits irsbot2 --speed 1,2,3
@@ -240,6 +249,8 @@ faults --workers 0
 faults --workers 2 --scheduler tcp://a:1
 faults --quick -o exists.md
 stiffness nonsense
+stiffness deep.yaml
+stiffness date.yaml
 stiffness irsbot2_table2 0
 urdf
 urdf nofile.yaml
@@ -260,6 +271,8 @@ design size nonsense --largest 0.001
 algebra cells nonsense
 algebra cells equations.yaml
 algebra cells binary.yaml
+algebra cells deep.yaml
+algebra cells date.yaml
 algebra singular 3rpr --fix rho1=17 --box rho2=a:45 --box rho3=0:45 --plot x.png
 algebra singular 3rpr --fix rho1=17 --box rho2=0:1/0 --box rho3=0:45 --plot x.png
 """.splitlines()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, fields, replace
+from importlib import resources
 from math import inf, nan
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import yaml
 from supervised import settings_of
 
 import irsbot_kinematics as irs
+from irsbot_kinematics.description.yaml_text import parsed, shipped
 from irsbot_supervisor.configuration.feasibility import settings_from
 from irsbot_supervisor.configuration.loading import read_settings, read_values, robot_of, shipped_values
 from irsbot_supervisor.core.margins import MARGIN_NAMES
@@ -26,6 +28,14 @@ def refused(robot: str = "irsbot2", **changes) -> str:
     with pytest.raises(InvalidSettings) as caught:
         settings_of(robot, **changes)
     return str(caught.value)
+
+
+def test_shipped_files_say_the_same_to_both_readers():
+    files = sorted(Path(str(resources.files("irsbot_supervisor"))).rglob("*.yaml"))
+    assert len(files) > 20
+    for file in files:
+        text = file.read_text(encoding="utf-8")
+        assert shipped(text) == parsed(text), file
 
 
 # --- single values ----------------------------------------------------------------------------------------------

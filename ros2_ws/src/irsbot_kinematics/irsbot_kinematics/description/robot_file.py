@@ -20,9 +20,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from irsbot_kinematics import arguments
+from irsbot_kinematics.description import yaml_text
 from irsbot_kinematics.description.topologies import built, set_usual_modes, topology
 from irsbot_kinematics.errors import BadInput, InvalidGeometry, KinematicsError, UnknownRobot
 from irsbot_kinematics.mechanism import Mechanism
@@ -65,6 +65,7 @@ def read_robot(name_or_path: str | Path, overrides: Mapping[str, Any] | None = N
             if not path.is_file():
                 raise BadInput(f"{path}: there is no such file")
             text, name, where = path.read_text(encoding="utf-8"), path.stem, str(path)
+            stated = yaml_text.parsed(text, where)
         except OSError as error:
             raise BadInput(f"{path}: cannot be read: {error.strerror or error}") from None
         except UnicodeDecodeError as error:
@@ -74,7 +75,8 @@ def read_robot(name_or_path: str | Path, overrides: Mapping[str, Any] | None = N
         if name not in preset_names():
             raise UnknownRobot(name, preset_names())
         text = resources.files("irsbot_kinematics").joinpath(f"presets/{name}.yaml").read_text(encoding="utf-8")
-    return _parse(name, text, where, overrides or {})
+        stated = yaml_text.shipped(text)
+    return _checked(name, stated, where, overrides or {})
 
 
 def fingerprint(mechanism: Mechanism) -> str:
@@ -83,11 +85,7 @@ def fingerprint(mechanism: Mechanism) -> str:
     return hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()[:12]
 
 
-def _parse(name: str, text: str, where: str, overrides: Mapping[str, Any]) -> RobotFile:
-    try:
-        stated = yaml.safe_load(text)
-    except (yaml.YAMLError, ValueError) as error:  # ValueError: a date that does not exist, a number of 5000 digits
-        raise BadInput(f"{where}: not YAML: {' '.join(str(error).split())}") from None
+def _checked(name: str, stated: object, where: str, overrides: Mapping[str, Any]) -> RobotFile:
     if not isinstance(stated, dict) or not isinstance(stated.get("geometry"), dict):
         raise BadInput(f"{where}: expected a mapping with the keys {', '.join(sorted(KEYS))}")
     if unknown := set(stated) - KEYS:

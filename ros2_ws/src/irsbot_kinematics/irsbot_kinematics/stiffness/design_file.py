@@ -24,9 +24,10 @@ import numpy as np
 import yaml
 
 from irsbot_kinematics.arguments import checked, number, shown
+from irsbot_kinematics.description import yaml_text
 from irsbot_kinematics.description.robot_file import read_robot
 from irsbot_kinematics.description.topologies import built
-from irsbot_kinematics.errors import KinematicsError
+from irsbot_kinematics.errors import BadInput, KinematicsError
 from irsbot_kinematics.mechanism import Mechanism
 from irsbot_kinematics.mechanisms import TOPOLOGIES
 from irsbot_kinematics.stiffness.chain_file import read_chains
@@ -70,19 +71,19 @@ def load(name_or_path: str | Path, *, robot: str | None = None, **changes: Any) 
     if path.suffix in (".yaml", ".yml"):
         try:
             text, name, where = path.read_text(encoding="utf-8"), path.stem, str(path)
+            stated = yaml_text.parsed(text, where)
         except (OSError, UnicodeDecodeError) as error:
             raise InvalidDesign(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+        except BadInput as error:
+            raise InvalidDesign(str(error)) from None
     elif str(name_or_path) in presets():
         name = where = str(name_or_path)
         text = resources.files("irsbot_kinematics").joinpath(f"{_FOLDER}/{name}.yaml").read_text(encoding="utf-8")
+        stated = yaml_text.shipped(text)
     else:
         raise InvalidDesign(
             f"no elastic design '{name_or_path}'; known are {', '.join(presets())}, or give a YAML file"
         )
-    try:
-        stated = yaml.safe_load(text)
-    except (yaml.YAMLError, ValueError) as error:
-        raise InvalidDesign(f"{where}: not YAML: {' '.join(str(error).split())}") from None
     if not isinstance(stated, dict) or stated.get("family") not in (*_FAMILIES, ChainStructure.family):
         families = ", ".join((*_FAMILIES, ChainStructure.family))
         raise InvalidDesign(f"{where}: expected a mapping with a family, one of {families}")

@@ -11,9 +11,9 @@ from importlib import resources
 from math import inf, pi
 
 import numpy as np
-import yaml
 
 from irsbot_kinematics.arguments import check_fields, checked, shown
+from irsbot_kinematics.description import yaml_text
 from irsbot_kinematics.numerics.arithmetic import Array
 from irsbot_kinematics.stiffness.errors import InvalidDesign
 from irsbot_kinematics.stiffness.quantities import quantity
@@ -57,7 +57,7 @@ class Material:
 def materials() -> dict[str, Material]:
     """The shipped materials by name."""
     text = resources.files("irsbot_kinematics").joinpath("stiffness/presets/materials.yaml").read_text(encoding="utf-8")
-    return {name: material_of(stated, name, "materials.yaml") for name, stated in yaml.safe_load(text).items()}
+    return {name: material_of(stated, name, "materials.yaml") for name, stated in yaml_text.shipped(text).items()}
 
 
 def material_of(stated: object, name: str, where: str) -> Material:

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-import yaml
 
 from irsbot_kinematics import BadInput
 from irsbot_kinematics import algebra as al
+from irsbot_kinematics.description import yaml_text
 from irsbot_supervisor.cli.common import robot_named
 
 Name = Annotated[str, typer.Argument(help="manipulator (see `irsbot algebra names`), robot file, or file of equations")]
@@ -36,9 +36,9 @@ def system_of(name: str, lengths: list[str] | None) -> al.System:
     path = Path(name)
     if path.suffix in (".yaml", ".yml"):
         try:
-            text = yaml.safe_load(path.read_text(encoding="utf-8"))
-        except (yaml.YAMLError, UnicodeDecodeError) as error:
-            raise BadInput(f"{name} is no YAML: {str(error).splitlines()[0]}") from None
+            text = yaml_text.parsed(path.read_text(encoding="utf-8"), name)
+        except UnicodeDecodeError:
+            raise BadInput(f"{name}: not a text in UTF-8") from None
         if isinstance(text, dict) and "equations" in text:
             return _equations(name, text, stated)
         return al.of_robot(robot_named(name))

@@ -2,28 +2,17 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from irsbot_kinematics import Robot, load_robot
+from irsbot_kinematics import BadInput, Robot, load_robot
+from irsbot_kinematics.description import yaml_text
 from irsbot_kinematics.description.robot_file import preset_names, read_robot
 from irsbot_supervisor.configuration.compliance import with_bending
 from irsbot_supervisor.configuration.feasibility import settings_from
 from irsbot_supervisor.core.settings import InvalidSettings, Settings
-
-
-class _Loader(yaml.SafeLoader):
-    """Reads 1e-2 as a number, as ROS does; for YAML 1.1 it is a text."""
-
-
-_Loader.add_implicit_resolver(
-    "tag:yaml.org,2002:float", re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+$"), list("-+.0123456789")
-)
 
 PARAMETERS = "ros__parameters"
 """Key below the name of a node in a ROS parameter file."""
@@ -45,7 +34,7 @@ def shipped_values(robot: Robot) -> dict[str, Any]:
     for name in names:
         file = folder.joinpath(f"{name}.yaml")
         if file.is_file():
-            return {**_mapping(file.read_text(encoding="utf-8"), f"{name}.yaml"), **robot.supervision}
+            return {**yaml_text.shipped(file.read_text(encoding="utf-8")), **robot.supervision}
     return dict(robot.supervision)
 
 
@@ -85,18 +74,13 @@ def read_values(path: Path) -> dict[str, Any]:
 def read_mapping(path: Path) -> dict[str, Any]:
     """The mapping in a YAML file. Raises InvalidSettings."""
     try:
-        return _mapping(path.read_text(encoding="utf-8"), str(path))
+        values = yaml_text.parsed(path.read_text(encoding="utf-8"), path)
     except OSError as error:
         raise InvalidSettings(f"{path}: {error.strerror}") from None
     except UnicodeDecodeError:
         raise InvalidSettings(f"{path}: not a text in UTF-8") from None
-
-
-def _mapping(text: str, where: str) -> dict[str, Any]:
-    try:
-        values = yaml.load(text, _Loader)
-    except (yaml.YAMLError, ValueError) as error:  # a ValueError for a date that does not exist
-        raise InvalidSettings(f"{where}: not YAML: {' '.join(str(error).split())}") from None
+    except BadInput as error:
+        raise InvalidSettings(str(error)) from None
     if not isinstance(values, dict):
-        raise InvalidSettings(f"{where}: expected a mapping of settings")
+        raise InvalidSettings(f"{path}: expected a mapping of settings")
     return values

@@ -9,9 +9,8 @@ import hashlib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-import yaml
-
 from irsbot_kinematics import BadInput
+from irsbot_kinematics.description import yaml_text
 from irsbot_kinematics.description.topologies import file_of
 from irsbot_supervisor.bag.whole_file import write_whole
 from irsbot_supervisor.fleet.version import code_version
@@ -41,8 +40,8 @@ def robot_files(robot: str) -> list[Path]:
     if not file.is_file():
         return []
     try:
-        stated = yaml.safe_load(file.read_bytes())
-    except yaml.YAMLError:
+        stated = yaml_text.parsed(file.read_bytes())
+    except BadInput:
         stated = None  # it will be refused when it is read as a robot
     stated = stated if isinstance(stated, dict) else {}
     mechanism = file_of(stated.get("mechanism"), file.parent)

@@ -30,9 +30,8 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from irsbot_kinematics import Robot
+from irsbot_kinematics import BadInput, Robot
+from irsbot_kinematics.description import yaml_text
 from irsbot_kinematics.mechanism import Floats, Signs
 from irsbot_msgs_py.records import Cause
 from irsbot_supervisor.replay.run_summary import ExpectedOutcome
@@ -123,20 +122,19 @@ def _read(name_or_path: str) -> tuple[str, str, dict[str, Any]]:
     if path.suffix in (".yaml", ".yml"):
         try:
             name, place, text = path.stem, str(path), path.read_text(encoding="utf-8")
+            stated = yaml_text.parsed(text, place)
         except OSError as error:
             raise BadScenario(f"{path}: {error.strerror}") from None
         except UnicodeDecodeError:
             raise BadScenario(f"{path}: not a text in UTF-8") from None
+        except BadInput as error:
+            raise BadScenario(str(error)) from None
     elif name_or_path in scenario_names():
         name = place = name_or_path
         file = resources.files("irsbot_supervisor").joinpath(f"scenarios/{name}.yaml")
-        text = file.read_text(encoding="utf-8")
+        stated = yaml_text.shipped(file.read_text(encoding="utf-8"))
     else:
         raise BadScenario(f"no scenario '{name_or_path}'; known are {', '.join(scenario_names())}, or give a YAML file")
-    try:
-        stated = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        raise BadScenario(f"{place}: not YAML: {' '.join(str(error).split())}") from None
     _known(stated, _TOP, place)
     robots = stated.get("robots")
     if not isinstance(robots, dict) or not robots or not all(isinstance(name, str) for name in robots):

@@ -1,0 +1,45 @@
+"""Texts in YAML: shipped ones say what the plain reader of PyYAML reads; a wrong one of a user is one sentence."""
+
+from __future__ import annotations
+
+from importlib import resources
+from math import inf
+from pathlib import Path
+
+import pytest
+import yaml
+
+from irsbot_kinematics import BadInput
+from irsbot_kinematics.description.yaml_text import parsed, shipped
+
+FILES = sorted(Path(str(resources.files("irsbot_kinematics"))).rglob("*.yaml"))
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda file: file.name)
+def test_a_shipped_file_says_the_same_to_every_reader(file: Path) -> None:
+    text = file.read_text(encoding="utf-8")
+    assert shipped(text) == parsed(text) == yaml.safe_load(text)
+
+
+@pytest.mark.parametrize("read", [parsed, shipped])
+def test_numbers_are_read_as_ros_reads_them(read) -> None:
+    text = "[1e-2, 5E3, -.5e+1, 1.0e-2, .inf, 7, 1e, e5, 1_000]"
+    assert read(text) == [0.01, 5000.0, -5.0, 0.01, inf, 7, "1e", "e5", 1000]
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("[" * 3000, "nested too deeply"),
+        ("a: [", "expected"),
+        ("a: 2024-13-45", "month must be in"),
+        ("1" * 5000, "digits"),
+        ("a: !!python/object:os.system x", "could not determine a constructor"),
+        (b"\xc3(", "byte"),
+    ],
+)
+def test_what_cannot_be_read_is_refused_in_one_line_with_the_file(text: str | bytes, reason: str) -> None:
+    with pytest.raises(BadInput, match=r"mine\.yaml: not YAML: ") as refused:
+        parsed(text, Path("mine.yaml"))
+    assert reason in str(refused.value)
+    assert "\n" not in str(refused.value)
