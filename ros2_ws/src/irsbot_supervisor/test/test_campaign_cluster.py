@@ -24,7 +24,7 @@ pytestmark = pytest.mark.slow
 def test_rows_do_not_depend_on_where_they_run_or_on_a_worker_that_is_killed() -> None:
     known = {entry.name: entry for entry in ENTRIES}
     orders = [
-        Order(known["stamps"], 48, 5),
+        Order(known["stamps"], 24, 5),
         Order(known["approach"], 2, 5, ("irsbot2",)),
         Order(known["delivery"], 5, 5),
     ]

@@ -5,10 +5,12 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from operator import neg
-from time import sleep
+from pathlib import Path
+from threading import Thread
 
 import pytest
 from dask_processes import dask_cluster, kill_family, kill_worker
+from rows_for_tests import write_and_wait
 
 from irsbot_kinematics import BadInput
 from irsbot_supervisor.fleet import cluster as fleet_cluster
@@ -99,16 +101,18 @@ def test_results_in_order_end_with_one_sentence_where_the_scheduler_goes_away() 
             list(results)
 
 
-def test_a_run_without_any_worker_left_ends_with_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_without_any_worker_left_ends_with_one_sentence(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(fleet_cluster, "ANSWER_S", 5.0)
+    begun = tmp_path / "begun"
+    os.mkfifo(begun)
     with dask_cluster() as (address, _scheduler, nanny), workers_of(Cluster(address)) as workers:
         monkeypatch.setattr(fleet_cluster, "ANSWER_S", 0.2)
-        answers, results = workers.answers(sleep, [0.0, 300.0]), workers.in_order(sleep, [0.0, 300.0])
-        assert next(answers).place == 0
-        kill_family(nanny)
-        for left in (answers, results):
+        killer = Thread(target=lambda: (begun.read_text(), kill_family(nanny)))  # as soon as the job has begun
+        killer.start()
+        for call, job in ((workers.answers, begun), (workers.in_order, tmp_path / "another")):
             with pytest.raises(BadInput, match=f"{address} has no workers any more"):
-                list(left)
+                list(call(write_and_wait, [job]))
+        killer.join()
 
 
 def test_there_are_no_more_processes_than_jobs() -> None:

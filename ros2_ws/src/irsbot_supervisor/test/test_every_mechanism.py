@@ -80,6 +80,11 @@ def test_a_run_at_a_singularity_is_stopped_in_time(name):
         at = mechanism.track(cycle.position, at)
         assert at.status == Status.SOLVED
         assert (np.array(margins_of(at)) >= stop).all()
+    limbs = mechanism.limb_count
+    states = [state for cycle in done for state in cycle.states]
+    assert {len(state.limb_margin) for state in states} == {limbs}
+    assert not limbs or all(0.0 < min(state.limb_margin) <= 1.0 for state in states)
+    assert not limbs or settings.limb_stop > 0.0
     causes = 0
     for cycle in done:
         for verdict in cycle.verdicts:
@@ -105,15 +110,6 @@ def test_false_data_end_in_unknown_and_a_standing_robot(name, fault):
     judged = [state for cycle in done[405:] for state in cycle.states]
     if fault == "nan":
         assert {state.level for state in judged} == {Level.UNKNOWN}
-
-
-@pytest.mark.parametrize("name", [name for name in irs.robots() if irs.make_robot(name).mechanism.limb_count])
-def test_limb_margins_are_in_every_state_and_judged(name):
-    settings, robot, _simulation = machine(name)
-    states = [state for cycle in run(name) for state in cycle.states]
-    assert {len(state.limb_margin) for state in states} == {robot.mechanism.limb_count}
-    assert all(0.0 < min(state.limb_margin) <= 1.0 for state in states)
-    assert settings.limb_stop > 0.0
 
 
 def test_the_robots_with_limb_margins_are_those_of_the_paper_and_those_whose_legs_fold_or_shrink():

@@ -87,7 +87,7 @@ def test_a_motion_is_judged_on_the_branch_that_is_followed_not_on_that_of_a_labe
     assert view is not None
     mechanism, stop = supervisor.robot.mechanism, np.array(limits_of(supervisor.settings, "stop"))
     rng, judged = np.random.default_rng(4), 0
-    for _ in range(4):
+    for _ in range(2):
         goal = np.array(view.at.joints) + 0.2 * rng.uniform(-1.0, 1.0, len(view.at.joints))
         found = passed(supervisor, command_of(to(supervisor, goal)))
         if found.path is None:

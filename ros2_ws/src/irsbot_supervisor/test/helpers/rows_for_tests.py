@@ -27,6 +27,11 @@ def end(_job: Job) -> Row:
 
 def tell_and_wait(job: Job) -> Row:
     """Write the process into the file that the job names as its robot, and never end."""
-    Path(job.robots[0]).write_text(str(os.getpid()))
+    write_and_wait(Path(job.robots[0]))
+    raise AssertionError("nobody ends it")
+
+
+def write_and_wait(file: Path) -> None:
+    """Write the process into a file, and never end."""
+    file.write_text(str(os.getpid()))
     Event().wait()
-    raise AssertionError("nobody sets it")
