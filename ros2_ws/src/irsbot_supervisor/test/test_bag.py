@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import resource
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from math import nan
@@ -174,6 +175,14 @@ def test_the_metadata_of_the_folder_counts_the_messages_of_the_file(bag: Path, r
     counts = {t["topic_metadata"]["name"]: t["message_count"] for t in stated["topics_with_message_count"]}
     assert counts == {topic: sum(e.topic == topic for e in run) for topic in counts}
     assert not (bag / "metadata.yaml.part").exists()
+
+
+@pytest.mark.parametrize("metadata", ["[" * 3000, "a: 2024-13-45", "a: [", "- 1", "rosbag2_bagfile_information: 3"])
+def test_a_folder_with_wrong_metadata_is_read_by_its_files(bag: Path, run: list[Entry], metadata: str, tmp_path: Path):
+    copy = shutil.copytree(bag, tmp_path / "bag")
+    (copy / "metadata.yaml").write_text(metadata)
+    with Bag(copy) as opened:
+        assert len(list(opened.records())) == len(run)
 
 
 @pytest.mark.parametrize("kind", ["sensor_msgs/msg/JointState", "diagnostic_msgs/msg/DiagnosticArray"])

@@ -9,9 +9,9 @@ from tempfile import TemporaryDirectory
 from types import TracebackType
 from typing import Any
 
-import yaml
 import zstandard
 
+from irsbot_kinematics.description import yaml_text
 from irsbot_supervisor.bag.bag_files import CONFIGURATION, files_of
 from irsbot_supervisor.bag.column_reader import Columns, columns_in
 from irsbot_supervisor.bag.entries import DECODERS, Entry, entry_of
@@ -87,9 +87,9 @@ class Bag:
         return list({topic.name: topic for topic in found}.values())
 
     def configuration(self) -> dict[str, Any] | None:
-        """The last configuration of the supervisor, if the bag holds one."""
+        """The last configuration of the supervisor, if the bag holds one. Raises BadInput if that is no YAML."""
         texts = [kept.data for reader in self.readers for kept in reader.attachments if kept.name == CONFIGURATION]
-        return yaml.safe_load(texts[-1]) if texts else None
+        return yaml_text.parsed(texts[-1], CONFIGURATION) if texts else None
 
 
 def topic_of(reader: Reader, channel: int) -> Topic:

@@ -6,8 +6,8 @@ import re
 from collections.abc import Sequence
 from pathlib import Path, PurePath
 
-import yaml
-
+from irsbot_kinematics import BadInput
+from irsbot_kinematics.description import yaml_text
 from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.bag.foreign import SUFFIXES
 
@@ -29,11 +29,11 @@ def files_of(source: Path) -> list[Path]:
     if not source.is_dir():
         return [source]
     try:
-        stated = yaml.safe_load((source / METADATA).read_text())["rosbag2_bagfile_information"]
+        stated = yaml_text.parsed((source / METADATA).read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
         if str(stated.get("compression_mode")).lower() == "message":
             return [source]
         paths = [source / PurePath(name).name for name in stated["relative_file_paths"]]
-    except (OSError, yaml.YAMLError, KeyError, TypeError, AttributeError, UnicodeDecodeError):
+    except (OSError, BadInput, KeyError, TypeError, AttributeError, UnicodeDecodeError):
         paths = []  # a recorder that was killed left none
     if paths:
         return paths

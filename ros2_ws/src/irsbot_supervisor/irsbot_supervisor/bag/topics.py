@@ -8,6 +8,8 @@ from typing import Any, NamedTuple
 
 import yaml
 
+from irsbot_kinematics import BadInput
+from irsbot_kinematics.description import yaml_text
 from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.bag.message_definitions import definition, type_hash
 
@@ -42,8 +44,8 @@ class Topic(NamedTuple):
     def offered(self) -> list[Any]:
         """Quality of service of the publishers; empty if the bag does not say it, or not as rosbag2 does."""
         try:
-            found = yaml.safe_load(self.metadata.get(_OFFERED, ""))
-        except yaml.YAMLError:
+            found = yaml_text.parsed(self.metadata.get(_OFFERED, ""))
+        except BadInput:
             return []
         return found if isinstance(found, list) else []
 
