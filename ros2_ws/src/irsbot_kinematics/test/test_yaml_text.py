@@ -30,10 +30,10 @@ def test_numbers_are_read_as_ros_reads_them(read) -> None:
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("[" * 3000, "nested too deeply"),
+        pytest.param("[" * 3000, "nested too deeply", id="deep"),
         ("a: [", "expected"),
         ("a: 2024-13-45", "month must be in"),
-        ("1" * 5000, "digits"),
+        pytest.param("1" * 5000, "digits", id="long"),
         ("a: !!python/object:os.system x", "could not determine a constructor"),
         (b"\xc3(", "byte"),
     ],

@@ -177,7 +177,9 @@ def test_the_metadata_of_the_folder_counts_the_messages_of_the_file(bag: Path, r
     assert not (bag / "metadata.yaml.part").exists()
 
 
-@pytest.mark.parametrize("metadata", ["[" * 3000, "a: 2024-13-45", "a: [", "- 1", "rosbag2_bagfile_information: 3"])
+@pytest.mark.parametrize(
+    "metadata", [pytest.param("[" * 3000, id="deep"), "a: 2024-13-45", "a: [", "- 1", "rosbag2_bagfile_information: 3"]
+)
 def test_a_folder_with_wrong_metadata_is_read_by_its_files(bag: Path, run: list[Entry], metadata: str, tmp_path: Path):
     copy = shutil.copytree(bag, tmp_path / "bag")
     (copy / "metadata.yaml").write_text(metadata)

@@ -263,7 +263,14 @@ def test_a_folder_that_is_not_there_is_told_before_the_work_begins(tmp_path: Pat
 @pytest.mark.parametrize(
     "line",
     [
-        *("no json", "[]", "{}", "\udcff", '{"version": "a", "goals": [{"limit": "x"}]}'),
+        *(
+            "no json",
+            pytest.param("[" * 100_000, id="deep"),
+            "[]",
+            "{}",
+            "\udcff",
+            '{"version": "a", "goals": [{"limit": "x"}]}',
+        ),
         '{"version": "a", "goals": [{"limit": 1}]}',
         '{"version": "a", "goals": [{"goal": "P4", "what": "x", "limit": 1, "at_least": false, "measured": "x"}]}',
         '{"version": "a", "goals": [{"goal": "P4", "what": "x", "limit": 1, "measured": 2}]}',

@@ -68,7 +68,7 @@ def read_entry(line: str) -> Entry:
             event, cause, duration_s = _whole(stated["event"]), _whole(stated["cause"]), float(stated["duration_s"])
             return Bypass(*times, event, cause, duration_s, *words)
         raise ValueError(f"kind '{kind}'")
-    except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
         raise JournalError(f"not a journal entry: {line[:80]!r} ({type(error).__name__} {error})") from None
 
 

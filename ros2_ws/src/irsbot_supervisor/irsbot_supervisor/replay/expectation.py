@@ -137,7 +137,7 @@ def read_expectation(path: Path) -> Expectation:
         stated = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise BagError(f"{path}: {error.strerror}") from None
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:  # the second for brackets that are nested too deeply
         raise BagError(f"{path}: not JSON: {error}") from None
     try:
         return _expectation(stated, path.parent)

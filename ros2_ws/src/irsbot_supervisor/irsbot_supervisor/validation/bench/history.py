@@ -36,7 +36,7 @@ def read(file: Path) -> list[Facts]:
             facts = json.loads(line)
             if not _is_benchmark(facts):
                 raise ValueError
-        except (ValueError, TypeError, KeyError):
+        except (ValueError, TypeError, KeyError, RecursionError):
             raise BadInput(f"{file}, line {number} is no benchmark: it must be a file of --history") from None
         found.append(facts)
     return found
