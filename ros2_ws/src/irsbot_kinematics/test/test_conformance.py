@@ -273,7 +273,7 @@ DEGENERATE = {
 @pytest.mark.parametrize("name", DEGENERATE)
 def test_machines_that_are_often_singular_are_answered_too(name):
     preset, lengths = DEGENERATE[name]
-    cases = list(singular_answered(Machine(irs.make_robot(preset, **lengths), 8, 2)))
+    cases = list(singular_answered(Machine(irs.make_robot(preset, **lengths), 30, 2)))
     assert [case.stated for case in cases if not case.error <= 1e-9] == []
     assert cases
 

@@ -13,14 +13,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 from irsbot_kinematics.conformance import declared, declared_rods, gaps, margins, motion, singular, wrong
-from irsbot_kinematics.conformance.samples import Check, Law, Machine
+from irsbot_kinematics.conformance.samples import JOINTS, Check, Law, Machine
 from irsbot_kinematics.errors import BadInput
 from irsbot_kinematics.robot import Robot
 
 __all__ = ["JOINTS", "LAWS", "Check", "conformance"]
-
-JOINTS = 150
-"""Number of random joint positions that are tried, each in every assembly mode."""
 
 LEAST_POSTURES = 10
 """Least number of regular postures for a conclusion."""

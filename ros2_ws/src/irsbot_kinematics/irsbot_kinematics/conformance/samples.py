@@ -13,6 +13,8 @@ from irsbot_kinematics.mechanism import Coordinate, Floats, Mechanism, Posture, 
 from irsbot_kinematics.numerics.arithmetic import FLOATS, Array
 from irsbot_kinematics.robot import Robot
 
+JOINTS = 150
+"""Number of random joint positions that are tried, each in every assembly mode, unless somebody asks for others."""
 REGULAR = 0.1
 """1: laws that need differences are tried if all margins are above this: derivatives are small there."""
 

@@ -9,14 +9,14 @@ from math import inf, isfinite, pi
 import numpy as np
 
 from irsbot_kinematics.batch import evaluate_many
-from irsbot_kinematics.conformance.samples import Case, Machine, numbers, place
+from irsbot_kinematics.conformance.samples import JOINTS, Case, Machine, numbers, place
 from irsbot_kinematics.errors import NotAssembled
 from irsbot_kinematics.mechanism import CertifiedBounds, Floats, Mechanism, Posture, Signs, Status
 from irsbot_kinematics.numerics.arithmetic import FLOATS, Array
 from irsbot_kinematics.numerics.tolerances import REACH_TOL_M
 
 COMBINED = 60
-"""Largest number of combinations of corners and middles of the ranges; not more than random joint positions."""
+"""Largest number of combinations of corners and middles of the ranges."""
 EQUAL = 6
 """Number of joint positions that are all equal, or equal with alternating signs."""
 BOUNDARY = 3
@@ -33,8 +33,12 @@ TRIED = ((0.0, 0.0), (1e-9, 0.0), (1e-3, 0.0), (0.0, 1e-9), (1e-3, 1e-4))
 
 def singular_answered(machine: Machine) -> Iterator[Case]:
     """Straight, folded, coincident, parallel and symmetric postures are answered: margins are numbers in 0..1, no bound
-    is above them, nothing raises but NotAssembled."""
-    for at in _postures(machine):
+    is above them, nothing raises but NotAssembled. Who asks for fewer than JOINTS random joint positions gets as much
+    fewer of these postures, evenly chosen."""
+    share = min(len(machine.joints) / JOINTS, 1.0)
+    for number, at in enumerate(_postures(machine)):
+        if int(share * number) == int(share * (number + 1)):
+            continue
         stated = place(at)
         for name, wrong in (("posture", _of_posture), ("bounds", _of_bounds), ("answers", _of_answers)):
             try:
@@ -145,7 +149,7 @@ def _special_joints(machine: Machine) -> Iterator[Floats]:
         for joint, first, last in zip(mechanism.joints, lower.tolist(), upper.tolist(), strict=True)
     ]
     combined = list(product(*kinds))
-    for k in rng.permutation(len(combined))[: min(COMBINED, len(machine.joints))]:
+    for k in rng.permutation(len(combined))[:COMBINED]:
         yield combined[k]
     for share in rng.uniform(size=EQUAL):
         same = lower + share * (upper - lower)
