@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
@@ -190,19 +191,26 @@ def run(name: str, scenario: str, seconds: float, path: Path):
     return levels, (margins - np.array(limits_of(settings, "stop"))).min(), np.ptp(np.array(way)[-20:], axis=0).max()
 
 
-def written(name: str, tmp_path: Path) -> Path:
-    file = tmp_path / "mine.yaml"
-    done = CliRunner().invoke(whole_app(), ["limits", name, "--rate", f"{RATE_HZ:g}", "-o", str(file)])
-    assert done.exit_code == 0, done.output
-    return file
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """The file of proposed limits of a robot, written once."""
+
+    @cache
+    def file_of(name: str) -> Path:
+        file = tmp_path_factory.mktemp(name) / "mine.yaml"
+        done = CliRunner().invoke(whole_app(), ["limits", name, "--rate", f"{RATE_HZ:g}", "-o", str(file)])
+        assert done.exit_code == 0, done.output
+        return file
+
+    return file_of
 
 
 @pytest.mark.parametrize(
     ("name", "scenario"),
     [("irsbot2", "workspace_boundary"), ("irsbot2_beta45", "type2"), ("irsbot2_csc", "constraint")],
 )
-def test_a_robot_under_proposed_limits_is_warned_in_time_and_stands_before_a_stop_limit(name, scenario, tmp_path):
-    file = written(name, tmp_path)
+def test_a_robot_under_proposed_limits_is_warned_in_time_and_stands_before_a_stop_limit(name, scenario, written):
+    file = written(name)
     levels, spare, moved = run(name, scenario, 1.0, file)
     warned = next(time_s for time_s, level in levels if level == Level.WARN)
     stopped = next(time_s for time_s, level in levels if level == Level.STOP)
@@ -221,9 +229,9 @@ def true_minimum(robot: irs.Robot, q: np.ndarray, ways: np.ndarray) -> np.ndarra
 
 
 @pytest.mark.parametrize("name", ["irsbot2", "irsbot2_beta45", "orthoglide"])
-def test_work_far_from_singularities_keeps_the_warning_limits_wherever_drives_can_get(name, tmp_path):
+def test_work_far_from_singularities_keeps_the_warning_limits_wherever_drives_can_get(name, written):
     """Speeds are those between two positions, and 2 rad/s or 0.1 m/s more, as the observer knows them no better."""
-    settings, robot = read_settings(name, read_values(written(name, tmp_path)))
+    settings, robot = read_settings(name, read_values(written(name)))
     stated = {"robot": name, "scenario": "pick_and_place", "rate_hz": RATE_HZ, "latency_s": settings.latency_s}
     stated |= {"velocity_limit": settings.velocity_limit, "deceleration_limit": settings.deceleration_limit}
     most, brake = np.array(settings.velocity_limit), np.array(settings.deceleration_limit)
@@ -243,9 +251,9 @@ def test_work_far_from_singularities_keeps_the_warning_limits_wherever_drives_ca
 
 
 @pytest.mark.parametrize("name", ["irsbot2", "irsbot2_beta45", "orthoglide"])
-def test_work_far_from_singularities_is_never_stopped(name, tmp_path):
+def test_work_far_from_singularities_is_never_stopped(name, written):
     """Nor warned, where a few cuts prove that it need not: of the constraint margin of two robots they do not."""
-    levels, spare, moved = run(name, "pick_and_place", 1.0, written(name, tmp_path))
+    levels, spare, moved = run(name, "pick_and_place", 1.0, written(name))
     seen = {level for time_s, level in levels if time_s > 0.16}
     assert seen <= ({Level.OK, Level.WARN} if name in ("irsbot2", "irsbot2_beta45") else {Level.OK})
     assert spare > 0.0
@@ -253,10 +261,10 @@ def test_work_far_from_singularities_is_never_stopped(name, tmp_path):
 
 
 @pytest.mark.parametrize("rates", [(-12.0, 12.0), (12.0, -12.0), (-12.0, 0.0), (12.0, 0.0)])
-def test_who_heeds_the_warning_is_not_stopped(rates, tmp_path):
+def test_who_heeds_the_warning_is_not_stopped(rates, written):
     """Cranks speed up to a limit as hard as they can; the joints brake latency_s after the first WARN. They move only
     once it is known how often samples come, as nobody is warned in time before that."""
-    file = written("irsbot2", tmp_path)
+    file = written("irsbot2")
     known_s = 2.0 * read_values(file)["stale_s"]
     # Of the constraint margin nothing may be proved from the beginning on: the others have to warn.
     settings, robot = read_settings("irsbot2", {**read_values(file), "constraint_warn": 0.053})
@@ -283,8 +291,8 @@ def test_who_heeds_the_warning_is_not_stopped(rates, tmp_path):
 # --- the command ------------------------------------------------------------------------------------------------
 
 
-def test_the_file_has_the_reasons_and_is_read_back_with_the_same_numbers(tmp_path):
-    file = written("irsbot2", tmp_path)
+def test_the_file_has_the_reasons_and_is_read_back_with_the_same_numbers(written):
+    file = written("irsbot2")
     stated = yaml.safe_load(file.read_text())["/**"]["ros__parameters"]
     proposed = {one.name: one.value for one in guided("irsbot2")[0].proposals}
     assert stated == {"robot": "irsbot2", **{k: list(v) if isinstance(v, tuple) else v for k, v in proposed.items()}}
