@@ -107,7 +107,8 @@ def test_a_run_without_any_worker_left_ends_with_one_sentence(monkeypatch: pytes
     os.mkfifo(begun)
     with dask_cluster() as (address, _scheduler, nanny), workers_of(Cluster(address)) as workers:
         monkeypatch.setattr(fleet_cluster, "ANSWER_S", 0.2)
-        killer = Thread(target=lambda: (begun.read_text(), kill_family(nanny)))  # as soon as the job has begun
+        # As soon as the job has begun; where none begins, the test has failed and must not wait for it.
+        killer = Thread(target=lambda: (begun.read_text(), kill_family(nanny)), daemon=True)
         killer.start()
         for call, job in ((workers.answers, begun), (workers.in_order, tmp_path / "another")):
             with pytest.raises(BadInput, match=f"{address} has no workers any more"):

@@ -28,7 +28,6 @@ shipped = cache(settings_of)
 
 
 @cache
-@cache
 def postures(name: str, number: int = 12, least: float = 0.05) -> list[irs.Posture]:
     """Random postures in the usual assembly mode with all margins above `least`, over the whole joint range."""
     (settings, robot), rng = shipped(name), np.random.default_rng(7)
