@@ -280,19 +280,17 @@ def test_the_second_order_is_usually_better_than_the_first(name):
 
 
 @every_robot
-@pytest.mark.parametrize("wrong", [np.nan, np.inf, -1e-3, 1e200, "a turn"])
-def test_nothing_is_promised_for_boxes_that_are_unknown_or_of_a_whole_turn(name, wrong):
+def test_nothing_is_promised_for_boxes_that_are_unknown_or_of_a_whole_turn(name):
     robot, rng = ROBOTS[name], np.random.default_rng(35)
     lower, upper = joint_range(robot)
     n = len(lower)
     usual = [1e-3] * n
-    for at in random_postures(robot, rng, 12):
-        far = (upper - lower if wrong == "a turn" else np.full(n, wrong)).tolist()
-        asked = [(far, 0.0)]
-        if wrong != "a turn":
-            asked += [([*usual[1:], wrong], 0.0), ([wrong, *usual[1:]], 0.0)]
-        if not isinstance(wrong, str) and not wrong < 0.0:
+    asked = [((upper - lower).tolist(), 0.0)]
+    for wrong in (np.nan, np.inf, -1e-3, 1e200):
+        asked += [([wrong] * n, 0.0), ([*usual[1:], wrong], 0.0), ([wrong, *usual[1:]], 0.0)]
+        if not wrong < 0.0:
             asked.append((usual, wrong))
+    for at in random_postures(robot, rng, 12):
         for travel, slack in asked:
             bound = robot.mechanism.sharp_bounds(at, travel, slack)
             assert bound.type2 == 0.0, (travel, slack)
@@ -302,15 +300,15 @@ def test_nothing_is_promised_for_boxes_that_are_unknown_or_of_a_whole_turn(name,
 
 
 @every_robot
-@pytest.mark.parametrize("length", [0.0, 5e-324, 2.6e-162, 1e-17])
-def test_a_box_that_is_smaller_than_any_motion_loses_nothing(name, length):
+def test_a_box_that_is_smaller_than_any_motion_loses_nothing(name):
     robot, rng = ROBOTS[name], np.random.default_rng(36)
     n = len(robot.mechanism.joints)
     for at in random_postures(robot, rng, 20):
         if min(at.type2, *at.type1) > 0.1:
-            for travel in ([length] * n, [length] + [0.0] * (n - 1)):
-                bound = robot.mechanism.sharp_bounds(at, travel)
-                np.testing.assert_allclose(numbers(bound), numbers(at), atol=1e-9)
+            for length in (0.0, 5e-324, 2.6e-162, 1e-17):
+                for travel in ([length] * n, [length] + [0.0] * (n - 1)):
+                    bound = robot.mechanism.sharp_bounds(at, travel)
+                    np.testing.assert_allclose(numbers(bound), numbers(at), atol=1e-9, err_msg=str(travel))
 
 
 def test_a_mechanism_that_knows_no_better_has_its_usual_bound():
