@@ -77,6 +77,27 @@ def test_many_postures_equal_the_single_ones_in_every_field(name):
 
 
 @every_robot
+def test_answers_do_not_depend_on_what_was_asked_before(name):
+    """In every order of joints and labels, at zeros of both signs, and in an array that was filled anew."""
+    robot, modes = ROBOTS[name], ROBOTS[name].mechanism.assembly_modes[:4]
+    Q = random_joints(robot, np.random.default_rng(12), 3)
+    Q = np.concatenate([Q, 0.0 * np.abs(Q[:1]), -0.0 * np.abs(Q[:1])])
+    fresh = {
+        (i, label): repr(irs.make_robot(name).mechanism.posture(tuple(q), label))
+        for i, q in enumerate(Q.tolist())
+        for label in modes
+    }
+    for asked in (fresh, sorted(fresh, key=lambda one: one[1])):
+        for i, label in asked:
+            assert repr(robot.mechanism.posture(tuple(Q[i].tolist()), label)) == fresh[i, label]
+    filled = Q.copy()
+    robot.evaluate_many(filled, modes[0])
+    filled[:] = Q[::-1]
+    expected = irs.make_robot(name).evaluate_many(Q[::-1].copy(), modes[0])
+    assert repr(robot.evaluate_many(filled, modes[0]).pose) == repr(expected.pose)
+
+
+@every_robot
 def test_no_pose_is_returned_that_does_not_close_whatever_the_assembly_mode(name):
     """A label that no robot has, for example of a foreign record."""
     robot = ROBOTS[name]

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
+from functools import lru_cache
 from math import cos, hypot, inf, nan, pi, remainder, sin, sqrt, tau
 from operator import le, lt, mul
 from typing import Any, ClassVar, NamedTuple
@@ -118,15 +119,15 @@ class BranchedPlatform(TurningPlatform):
     def direct(self, k: Arithmetic[N], joints: Sequence[N], assembly: int) -> tuple[tuple[N, ...], tuple[N, N]]:
         """Gaps: [0] |det A|, m; where there is no such pose, minus the closure error of the nearest candidate;
         [1] the size of the robot, or 0 where the platform can turn without the joints."""
-        answer: Any = self._picked([np.atleast_1d(np.asarray(q, dtype=float)) for q in joints], assembly)
+        asked = np.array([np.atleast_1d(q) for q in joints], dtype=float)
+        answer: Any = self._picked(_newest_assemblies(self, asked.tobytes()), assembly)
         if k is FLOATS:
             pose, (gap, size) = answer
             answer = tuple([float(column[0]) for column in pose]), (float(gap[0]), float(size[0]))
         return answer  # type: ignore[no-any-return]
 
-    def _picked(self, joints: Sequence[Array], assembly: int) -> tuple[tuple[Array, ...], tuple[Array, Array]]:
+    def _picked(self, poses: Poses, assembly: int) -> tuple[tuple[Array, ...], tuple[Array, Array]]:
         """Pose (N,) of one label, and the gaps."""
-        poses = self.assemblies(joints)
         same = poses.valid & (np.sign(poses.det) == (1.0 if assembly > 0 else -1.0))
         chosen = same & (np.cumsum(same, axis=1) == abs(assembly))
         there, column = chosen.any(axis=1), np.argmax(chosen, axis=1)[:, None]
@@ -148,8 +149,7 @@ class BranchedPlatform(TurningPlatform):
         turns, unreal = trigonometric_roots(values)
         start = self.candidates([q[:, None] for q in joints], turns)
         repeated = [np.broadcast_to(q[:, None], start[0].shape) for q in joints]
-        miss = self._error(repeated, start)
-        pose = self._polished(repeated, start)
+        pose, miss = self._polished(repeated, start)
         order = np.lexsort((pose[-1], np.round(np.abs(pose[-1]), TURN_DIGITS)), axis=1)
         pose = tuple([np.take_along_axis(column, order, axis=1) for column in pose])
         legs = self.legs(ARRAYS, repeated, pose)
@@ -162,15 +162,13 @@ class BranchedPlatform(TurningPlatform):
         miss = np.where(valid, np.inf, np.nan_to_num(miss, nan=np.inf))
         return Poses(pose, statics.cofactors(legs.screws)[0], valid, miss.min(axis=1), known)
 
-    def _polished(self, joints: Sequence[Array], pose: tuple[Array, ...]) -> tuple[Array, ...]:
-        for _ in range(POLISH):
+    def _polished(self, joints: Sequence[Array], start: tuple[Array, ...]) -> tuple[tuple[Array, ...], Array]:
+        """The poses after the Newton steps, and the closure errors before them, m."""
+        pose, legs = self._improved(ARRAYS, joints, start)
+        miss: Array = np.max(np.abs(legs.closure), axis=0)
+        for _ in range(POLISH - 1):
             pose, _ = self._improved(ARRAYS, joints, pose)
-        return (*pose[:-1], ARRAYS.wrap(pose[-1]))
-
-    def _error(self, joints: Sequence[Array], pose: Sequence[Array]) -> Array:
-        closure = self.legs(ARRAYS, joints, pose).closure
-        error: Array = np.max(np.abs(closure), axis=0)
-        return error
+        return (*pose[:-1], ARRAYS.wrap(pose[-1])), miss
 
     def _improved(self, k: Arithmetic[N], joints: Sequence[N], pose: Sequence[N]) -> tuple[tuple[N, ...], Legs[N]]:
         """One Newton step, and the legs before it."""
@@ -326,6 +324,15 @@ def _right_sides(asked: Travel, radius: float, rows: Sequence[Sequence[float]], 
     moved = [e + bend + path for e in ends]
     b = [drive + a * a / (2.0 * rod) + bend for drive, a in zip(drives, moved, strict=True)]
     return [sum(map(mul, row, b), 0.0) for row in rows]
+
+
+@lru_cache(maxsize=1)
+def _newest_assemblies(mechanism: BranchedPlatform, joints: bytes) -> Poses:
+    """`assemblies` of the joint positions that were asked for last: most who ask for one label ask for all of them.
+
+    joints: (n, N) floats as bytes, in which 0.0 and -0.0 differ.
+    """
+    return mechanism.assemblies(list(np.frombuffer(joints).reshape(len(mechanism.joints), -1)))
 
 
 def _copies(pose: Sequence[Array], valid: NDArray[np.bool_], left: Array) -> NDArray[np.bool_]:
