@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import wrong_geometry
 import wrong_machines
-from postures import NAMES, ROBOTS, joint_range, near, random_joints
+from postures import NAMES, ROBOTS, joint_range, near, random_joints, solutions
 from rod_machines import closed, units
 
 import irsbot_kinematics as irs
@@ -25,10 +25,9 @@ every_robot = pytest.mark.parametrize("name", NAMES)
 
 def random_postures(robot, rng, number):
     """Postures of all assembly modes in turn, at random joints."""
-    modes = robot.mechanism.assembly_modes
-    joints = random_joints(robot, rng, 3 * number * len(modes)).tolist()
-    asked = (robot.mechanism.posture(tuple(q), modes[k % len(modes)]) for k, q in enumerate(joints))
-    found = [at for at, _ in zip((at for at in asked if at.status == irs.Status.SOLVED), range(number), strict=False)]
+    joints = random_joints(robot, rng, 6 * number).tolist()
+    there = ((k, solutions(robot, tuple(q))) for k, q in enumerate(joints))
+    found = [at[k % len(at)] for (k, at), _ in zip((one for one in there if one[1]), range(number), strict=False)]
     assert len(found) > number // 2, "hardly any posture is assembled: the fixture proves nothing"
     return found
 

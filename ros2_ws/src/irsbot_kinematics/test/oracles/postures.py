@@ -40,18 +40,28 @@ def random_joints(robot: irs.Robot, rng: np.random.Generator, number: int) -> Ar
     return rng.uniform(lower, upper, (number, len(lower)))
 
 
+def solutions(robot: irs.Robot, q: tuple[float, ...]) -> list[irs.Posture]:
+    """The postures of all assembly modes that exist at these joints."""
+    found = [robot.mechanism.posture(q, label) for label in robot.mechanism.assembly_modes]
+    return [at for at in found if at.status == irs.Status.SOLVED]
+
+
 def some_postures(
     robot: irs.Robot, number: int, *, seed: int, least: float = 0.0, modes: Sequence[int] = ()
 ) -> list[irs.Posture]:
     """Of all assembly modes in turn, or of these. least: of the Type 1 and Type 2 margins and the clearances of the
     assembly."""
-    mechanism, found = robot.mechanism, list[irs.Posture]()
-    modes, rng = modes or mechanism.assembly_modes, np.random.default_rng(seed)
+    found, rng = list[irs.Posture](), np.random.default_rng(seed)
     while len(found) < number:
         (q,) = random_joints(robot, rng, 1).tolist()
-        at = mechanism.posture(tuple(q), modes[len(found) % len(modes)])
-        if at.status == irs.Status.SOLVED and min(*at.type1, at.type2, *at.gaps) > least:
-            found.append(at)
+        there = [
+            at
+            for at in solutions(robot, tuple(q))
+            if at.assembly_mode in (modes or robot.mechanism.assembly_modes)
+            and min(*at.type1, at.type2, *at.gaps) > least
+        ]
+        if there:
+            found.append(there[len(found) % len(there)])
     return found
 
 
@@ -61,11 +71,10 @@ def samples(draw: st.DrawFn, robot: irs.Robot, *, type1: float = 1e-3, type2: fl
     lower, upper = joint_range(robot)
     share = st.floats(0.001, 0.999)
     q = lower + (upper - lower) * np.array([draw(share) for _ in lower])
-    assembly = draw(st.sampled_from(robot.mechanism.assembly_modes))
-    at = robot.mechanism.posture(tuple(q.tolist()), assembly)
-    assume(at.status == irs.Status.SOLVED)
-    assume(min(at.type1) > type1 and at.type2 > type2)
-    return Sample(q, np.array(at.pose), assembly, at)
+    meant = [at for at in solutions(robot, tuple(q.tolist())) if min(at.type1) > type1 and at.type2 > type2]
+    assume(meant)
+    at = draw(st.sampled_from(meant))
+    return Sample(q, np.array(at.pose), at.assembly_mode, at)
 
 
 class Near(NamedTuple):
