@@ -130,7 +130,7 @@ def test_a_mechanism_that_is_wrong_is_caught_with_law_posture_and_numbers(what: 
     assert source.count(right) == 1
     (tmp_path / "prr3.py").write_text(source.replace(right, wrong))
     (tmp_path / "prr3.yaml").write_text((EXAMPLE / "prr3.yaml").read_text())
-    done = check(str(tmp_path / "prr3.yaml"), "--joints", "60")
+    done = check(str(tmp_path / "prr3.yaml"), "--joints", "30")
     assert done.returncode == 1, done.stdout
     (line,) = [line for line in done.stderr.splitlines() if line.startswith(LAW[what] + " (")]
     assert "joints (" in line
@@ -146,7 +146,7 @@ def test_an_error_of_the_mechanism_is_reported_with_its_line(tmp_path: Path) -> 
     lines[number - 1] = lines[number - 1].replace("screws.append(", "screw.append(")
     (tmp_path / "prr3.py").write_text("\n".join(lines))
     (tmp_path / "prr3.yaml").write_text((EXAMPLE / "prr3.yaml").read_text())
-    done = check(str(tmp_path / "prr3.yaml"), "--joints", "60")
+    done = check(str(tmp_path / "prr3.yaml"), "--joints", "30")
     assert done.returncode == 1
     assert f"NameError: name 'screw' is not defined (prr3.py, line {number})" in " ".join(done.stderr.split())
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from itertools import product
 from math import inf, isfinite, pi
 
@@ -34,11 +34,8 @@ TRIED = ((0.0, 0.0), (1e-9, 0.0), (1e-3, 0.0), (0.0, 1e-9), (1e-3, 1e-4))
 def singular_answered(machine: Machine) -> Iterator[Case]:
     """Straight, folded, coincident, parallel and symmetric postures are answered: margins are numbers in 0..1, no bound
     is above them, nothing raises but NotAssembled. Who asks for fewer than JOINTS random joint positions gets as much
-    fewer of these postures, evenly chosen."""
-    share = min(len(machine.joints) / JOINTS, 1.0)
-    for number, at in enumerate(_postures(machine)):
-        if int(share * number) == int(share * (number + 1)):
-            continue
+    fewer of these joint positions and poses, evenly chosen."""
+    for at in _postures(machine):
         stated = place(at)
         for name, wrong in (("posture", _of_posture), ("bounds", _of_bounds), ("answers", _of_answers)):
             try:
@@ -116,11 +113,11 @@ def _margins(of: Posture | CertifiedBounds) -> Floats:
 
 
 def _postures(machine: Machine) -> Iterator[Posture]:
-    mechanism = machine.mechanism
-    for q in _special_joints(machine):
+    mechanism, share = machine.mechanism, min(len(machine.joints) / JOINTS, 1.0)
+    for q in _thinned(_special_joints(machine), share):
         for label in mechanism.assembly_modes:
             yield from _solved(mechanism.posture(q, label))
-    for pose in _special_poses(machine):
+    for pose in _thinned(_special_poses(machine), share):
         for mode in _some(mechanism.working_modes, mechanism.usual_working_mode):
             q, reach = mechanism.inverse(FLOATS, pose, mode)
             if min(reach) < -REACH_TOL_M:
@@ -129,6 +126,11 @@ def _postures(machine: Machine) -> Iterator[Posture]:
                 yield from _solved(mechanism.posture(q, label))
             _, gaps = mechanism.direct(FLOATS, q, mechanism.usual_assembly_mode)
             yield mechanism.at(q, pose, mechanism.usual_assembly_mode, gaps)
+
+
+def _thinned(found: Iterable[Floats], share: float) -> Iterator[Floats]:
+    """This share of them, evenly chosen."""
+    return (one for number, one in enumerate(found) if int(share * number) < int(share * (number + 1)))
 
 
 def _solved(at: Posture) -> Iterator[Posture]:
