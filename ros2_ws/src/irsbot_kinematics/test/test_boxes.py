@@ -69,7 +69,7 @@ def steepest(robot, at, travel):
 @every_robot
 def test_no_margin_in_a_box_is_below_its_bound_and_the_branch_is_kept(name):
     robot, rng = ROBOTS[name], np.random.default_rng(30)
-    number, points = (240, 24) if robot.mechanism.label_is_invariant else (80, 8)
+    number, points = (120, 24) if robot.mechanism.label_is_invariant else (60, 8)
     promised, nearest = 0, np.inf
     for at in random_postures(robot, rng, number):
         travel = random_travel(robot, rng)
