@@ -16,6 +16,7 @@ from irsbot_supervisor.configuration.loading import PARAMETERS, read_settings, r
 from irsbot_supervisor.configuration.machine_times import bounding_for, proposals, proposed_bounding
 from irsbot_supervisor.configuration.proposal import LimitProposal, Plant, Proposal, propose
 from irsbot_supervisor.configuration.sample_time import TRIED, cuts_that_pay, longest_times
+from irsbot_supervisor.configuration.stopping_cost import places_above_stop
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.core.stopping import cuts_of
 
@@ -129,9 +130,10 @@ def _measured(robot: str, seconds: float, rate_hz: float, output: Path | None, a
     met, period_s = measure(robot, seconds, rate_hz), 1.0 / rate_hz
     if not as_json:
         err.print("now steps near the limits are timed")
-    longest_s = longest_times(settings, machine, period_s, {*TRIED, cuts_of(settings)})
+    places = places_above_stop(settings, machine.mechanism)
+    longest_s = longest_times(settings, machine, period_s, {*TRIED, cuts_of(settings)}, places)
     box_s = {cuts: bounding_for(longest_s[cuts], cuts) for cuts in TRIED}
-    cuts = cuts_that_pay(settings, machine.mechanism, box_s, period_s)
+    cuts = cuts_that_pay(settings, machine.mechanism, box_s, period_s, places)
     bounding = proposed_bounding(settings, longest_s, cuts)
     found = proposals(settings, met, period_s, bounding, cuts)
     if as_json:

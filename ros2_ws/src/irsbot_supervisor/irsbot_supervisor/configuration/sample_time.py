@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
 from math import inf
 
-from irsbot_kinematics import Mechanism, Robot
+from irsbot_kinematics import Mechanism, Posture, Robot
 from irsbot_msgs_py.records import Floats, JointSample, Level
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.configuration.stopping_cost import (
@@ -16,7 +16,6 @@ from irsbot_supervisor.configuration.stopping_cost import (
     box_ways,
     free_time,
     longest_judging,
-    places_above_stop,
     stopped_at_rest,
     ways_at_rest,
 )
@@ -42,25 +41,27 @@ MOVES = 40
 BEGIN_NS = 10**15
 
 
-def longest_times(settings: Settings, robot: Robot, period_s: float, tried: Collection[int]) -> dict[int, float]:
+def longest_times(
+    settings: Settings, robot: Robot, period_s: float, tried: Collection[int], places: Sequence[Posture]
+) -> dict[int, float]:
     """s by number of cuts: longest time to judge a sample. The longest step that was met; and, as steps may need all
-    their cuts at once, the longest step without cuts and the boxes of the cuts."""
-    box_s = longest_box_s(settings, robot.mechanism, period_s)
-    steps = {cuts: longest_step_s(settings, robot, cuts, period_s) for cuts in {0, *tried}}
+    their cuts at once, the longest step without cuts and the boxes of the cuts. places: `places_above_stop`."""
+    box_s = longest_box_s(settings, robot.mechanism, period_s, places)
+    steps = {cuts: longest_step_s(settings, robot, cuts, period_s, places) for cuts in {0, *tried}}
     return {
         cuts: max(steps[cuts], steps[0] + 2 * cuts * box_s, time_for_cuts(box_s, cuts)) for cuts in sorted(set(tried))
     }
 
 
-def longest_box_s(settings: Settings, mechanism: Mechanism, period_s: float) -> float:
-    """s: longest time to bound one box, around postures above the stop limits, as far as joints at rest, at half and at
-    full speed go until they stand. 0 if there is no such posture."""
+def longest_box_s(settings: Settings, mechanism: Mechanism, period_s: float, places: Sequence[Posture]) -> float:
+    """s: longest time to bound one box, around these postures, as far as joints at rest, at half and at full speed go
+    until they stand. 0 if there is none."""
     bounds, longest_ns = BoxBounds(mechanism, settings.slack_m), 0.0
     half = tuple([0.5 * speed for speed in settings.velocity_limit])
     moving = [Speeds(speeds, speeds) for speeds in (half, settings.velocity_limit)]
     free_s = free_time(settings, period_s)
     sizes = [ways_at_rest(settings, mechanism, period_s), *[box_ways(settings, speeds, free_s)[0] for speeds in moving]]
-    for at, ways in product(places_above_stop(settings, mechanism), sizes):
+    for at, ways in product(places, sizes):
         low, high = box_around(at, ways)
         # No box around a posture is proved to keep the margins of the posture itself: every bound is tried.
         type1, type2, constraint, limb = (margin if margin < inf else -inf for margin in margins_of(at))
@@ -73,12 +74,11 @@ def longest_box_s(settings: Settings, mechanism: Mechanism, period_s: float) -> 
     return longest_ns * 1e-9
 
 
-def longest_step_s(settings: Settings, robot: Robot, cuts: int, period_s: float) -> float:
-    """s: longest step of a supervisor that makes at most so many cuts for a sample. Robots begin above the stop limits,
-    and speed up as hard as they can until they are stopped. 0 if there is no place to begin."""
+def longest_step_s(settings: Settings, robot: Robot, cuts: int, period_s: float, places: Sequence[Posture]) -> float:
+    """s: longest step of a supervisor that makes at most so many cuts for a sample. Robots begin in some of these
+    postures, and speed up as hard as they can until they are stopped. 0 if there is none."""
     judging_s = longest_judging(settings, period_s)
     timed = replace(settings, bounding_s=judging_s / time_for_cuts(1.0, cuts), judging_s=judging_s)
-    places = places_above_stop(settings, robot.mechanism)
     longest_ns = 0
     for k, at in enumerate(places[:: max(len(places) // PLACES, 1)]):
         signs = [1.0 if k >> joint & 1 else -1.0 for joint in range(len(at.joints))]
@@ -114,10 +114,17 @@ def _steps_ns(settings: Settings, robot: Robot, joints: Floats, signs: list[floa
     return taken[rest:]
 
 
-def cuts_that_pay(settings: Settings, mechanism: Mechanism, bounding_s: Mapping[int, float], period_s: float) -> int:
+def cuts_that_pay(
+    settings: Settings,
+    mechanism: Mechanism,
+    bounding_s: Mapping[int, float],
+    period_s: float,
+    places: Sequence[Posture],
+) -> int:
     """The number of cuts with which a resting robot is stopped in the fewest postures: every cut proves more, and takes
-    time in which the joints can move, so that the box grows. bounding_s: by the number of cuts."""
-    places, found = places_above_stop(settings, mechanism), []
+    time in which the joints can move, so that the box grows. bounding_s: by the number of cuts. places:
+    `places_above_stop`."""
+    found = []
     for cuts, box_s in bounding_s.items():
         judging_s = max(time_for_cuts(box_s, cuts), settings.judging_s)
         timed = replace(settings, bounding_s=box_s, judging_s=judging_s)

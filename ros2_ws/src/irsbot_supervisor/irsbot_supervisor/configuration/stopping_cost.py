@@ -6,6 +6,7 @@ stamps. Each of them is halved in turn (the errors are left out) to show which i
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from math import ceil, hypot, nan, sqrt
 from operator import add
@@ -141,7 +142,7 @@ def _farthest(mechanism: Mechanism, at: Posture, ways: Floats) -> float:
     return max(each) if all(way == way for way in each) else nan
 
 
-def stopped_at_rest(settings: Settings, mechanism: Mechanism, places: list[Posture], ways: Floats) -> float:
+def stopped_at_rest(settings: Settings, mechanism: Mechanism, places: Sequence[Posture], ways: Floats) -> float:
     """Share of postures around which a box cannot be certified with the supervisor's number of cuts. ways: half extents
     of the box, rad or m."""
     bounds, stop, cuts = BoxBounds(mechanism, settings.slack_m), limits_of(settings, "stop"), cuts_of(settings)
