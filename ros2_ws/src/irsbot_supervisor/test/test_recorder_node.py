@@ -38,7 +38,7 @@ from irsbot_supervisor.bag.bag import Bag
 from irsbot_supervisor.bag.journal import configured, write_entry
 from irsbot_supervisor.configuration.loading import read_settings
 from irsbot_supervisor.processes.listener import Watch
-from irsbot_supervisor.processes.suite import JOINTS, RECORDER, SUPERVISOR, Node, Suite, free_domain
+from irsbot_supervisor.processes.suite import RECORDER, SUPERVISOR, Node, Suite, free_domain
 from irsbot_supervisor.replay.recording import read_recording
 
 pytestmark = pytest.mark.ros
@@ -336,8 +336,8 @@ def test_markers_are_recorded_on_request(scene: Scene) -> None:
     assert deserialize_message(kept.data, MarkerArray).markers[0].text == "drawn"
 
 
-def test_a_recorder_without_processor_time_for_half_a_second_misses_no_state(tmp_path: Path) -> None:
-    """Without the states a replay does not know when the samples were judged."""
+def test_a_recorder_without_processor_time_for_600_states_misses_none(tmp_path: Path) -> None:
+    """Half a second of a fast robot. Without the states a replay does not know when the samples were judged."""
     domain, heard = free_domain(), 0
 
     def on_state(data: bytes) -> None:
@@ -348,7 +348,8 @@ def test_a_recorder_without_processor_time_for_half_a_second_misses_no_state(tmp
         return [state.sequence for state in read_recording(tmp_path / "bag").states]
 
     with Suite(tmp_path / "logs", domain) as suite, Watch(domain, lambda verdict: None) as watch:
-        watch.node.create_subscription(StateMessage, "supervisor/state", on_state, 2000, raw=True)
+        watch.node.create_subscription(StateMessage, "supervisor/state", on_state, 100, raw=True)
+        samples = watch.node.create_publisher(JointState, "joint_states", 100)
 
         def until(happened: Callable[[], bool]) -> None:
             deadline = time.monotonic() + PATIENCE_S
@@ -357,14 +358,21 @@ def test_a_recorder_without_processor_time_for_half_a_second_misses_no_state(tmp
                 suite.check()
                 watch.look(0.02)
 
+        def judged(count: int) -> None:
+            """So many samples, each sent when the one before has its state: however slow we are, no more states."""
+            for _ in range(count):
+                before, stamp_ns = heard, watch.node.get_clock().now().nanoseconds
+                samples.publish(encode_joint_state(JointSample(stamp_ns, 0, 0, ("joint_1", "joint_2"), (0.5, 2.5))))
+                until(lambda before=before: heard > before)
+
         suite.start(Node("recorder", RECORDER, {"output": str(tmp_path / "bag")}))
         suite.start(Node("supervisor", SUPERVISOR, {"robot": "five_bar"}))
-        suite.start(Node("simulated_joints", JOINTS, {"robot": "five_bar", "scenario": "stand", "listeners": 2}))
-        until(lambda: heard >= 300)
+        until(lambda: samples.get_subscription_count() == 2)
+        judged(300)
+        until(lambda: numbers()[-1:] > [200])
         suite.processes["recorder"].send_signal(signal.SIGSTOP)
-        before, first = numbers()[-1], heard
-        until(lambda: heard >= first + 600)
+        judged(600)
         suite.processes["recorder"].send_signal(signal.SIGCONT)
-        until(lambda: numbers()[-1] > before + 600)  # our own count may run ahead of a recorder that has just woken up
+        until(lambda: numbers()[-1] > 800)
     found = numbers()
     assert found == list(range(found[0], found[-1] + 1))
