@@ -11,6 +11,7 @@ from math import cos, pi, sin
 import numpy as np
 import pytest
 from cranks import EXACT, ROBOTS, close, closure, every_robot, gradients, layout, random_poses
+from postures import solutions
 
 from irsbot_kinematics import Status, make_robot
 from irsbot_kinematics.numerics.arithmetic import FLOATS
@@ -46,10 +47,9 @@ def test_every_inverse_solution_closes_in_its_mode_and_its_pose_is_among_the_dir
         assert at.working_mode == mode
         found = [pose for pose in robot.direct_all(q) if np.abs(pose - x).max() < 1e-7]
         assert len(found) == 1
-        labels = [label for label in robot.mechanism.assembly_modes if robot.mechanism.posture(q, label).status == 0]
-        dets = {label: robot.mechanism.posture(q, label).det for label in labels}
-        assert all(np.sign(label) == np.sign(det) for label, det in dets.items())
-        assert sum(np.sign(label) for label in labels) == 0, "as many poses of either sign: none was missed"
+        there = solutions(robot, tuple(q))
+        assert all(np.sign(at.assembly_mode) == np.sign(at.det) for at in there)
+        assert sum(np.sign(at.assembly_mode) for at in there) == 0, "as many poses of either sign: none was missed"
         for pose in robot.direct_all(q):
             assert np.abs(closure(robot, q, pose)).max() < EXACT
 

@@ -30,14 +30,17 @@ from irsbot_supervisor.core.stopping import cuts_of, limits_of
 PERIOD_S = 0.001
 
 
+def box_time_s(settings: Settings, counted: Counted) -> float:
+    """As many nanoseconds as a box needs bounds."""
+    return longest_box_s(settings, counted, PERIOD_S, places_above_stop(settings, counted))
+
+
 @pytest.mark.parametrize("name", ["irsbot2", "rrr3"])
 def test_the_time_of_one_box_is_that_of_one_box(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     settings, robot = settings_of(name)
     counted = Counted(robot.mechanism)
     monkeypatch.setattr(sample_time.time, "perf_counter_ns", lambda: counted.boxes)
-    assert longest_box_s(settings, counted, PERIOD_S, places_above_stop(settings, robot.mechanism)) == pytest.approx(
-        1e-9
-    )
+    assert box_time_s(settings, counted) == pytest.approx(1e-9)
 
 
 def test_a_box_is_bounded_to_second_order_as_near_a_limit(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -45,9 +48,7 @@ def test_a_box_is_bounded_to_second_order_as_near_a_limit(monkeypatch: pytest.Mo
     counted = Counted(robot.mechanism)
     counted.sharp_bounds = lambda *given: counted.certified_bounds(*given)
     monkeypatch.setattr(sample_time.time, "perf_counter_ns", lambda: counted.boxes)
-    assert longest_box_s(settings, counted, PERIOD_S, places_above_stop(settings, robot.mechanism)) == pytest.approx(
-        2e-9
-    )
+    assert box_time_s(settings, counted) == pytest.approx(2e-9)
 
 
 def test_boxes_of_robots_at_rest_at_half_and_at_full_speed_are_timed() -> None:
@@ -60,7 +61,7 @@ def test_boxes_of_robots_at_rest_at_half_and_at_full_speed_are_timed() -> None:
         return robot.mechanism.sharp_bounds(at, travel, *others)
 
     counted.sharp_bounds = sharp_bounds
-    longest_box_s(settings, counted, PERIOD_S, places_above_stop(settings, robot.mechanism))
+    box_time_s(settings, counted)
     free_s, fastest = free_time(settings, PERIOD_S), settings.velocity_limit
     speeds = [
         speeds_at_rest(settings, robot.mechanism.joints, PERIOD_S),

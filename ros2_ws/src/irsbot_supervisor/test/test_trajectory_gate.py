@@ -63,9 +63,9 @@ def followed(name: str) -> Supervisor:
         direction = rng.uniform(-1.0, 1.0, len(start))
         at, way = mechanism.posture(tuple(start.tolist()), settings.assembly_mode), [start]
         while at.status == 0 and (np.array(margins_of(at)) >= wanted).all():
-            if len(way) % 20 == 0:  # often enough
+            if len(way) > 40 and len(way) % 20 == 0:  # often enough
                 label = mechanism.posture(at.joints, settings.assembly_mode)
-                if len(way) > 40 and label.status == 0 and abs(label.pose[0] - at.pose[0]) > 1e-2:
+                if label.status == 0 and abs(label.pose[0] - at.pose[0]) > 1e-2:
                     return watched(robot, settings, way)
             if len(way) > 400:
                 break

@@ -57,8 +57,7 @@ def some_postures(
         there = [
             at
             for at in solutions(robot, tuple(q))
-            if at.assembly_mode in (modes or robot.mechanism.assembly_modes)
-            and min(*at.type1, at.type2, *at.gaps) > least
+            if (not modes or at.assembly_mode in modes) and min(*at.type1, at.type2, *at.gaps) > least
         ]
         if there:
             found.append(there[len(found) % len(there)])
