@@ -228,14 +228,16 @@ def test_the_black_box_keeps_only_the_time_around_a_stop(scene: Scene):
 
 
 def test_a_full_disk_ends_the_recording_properly_and_is_reported(scene: Scene):
-    free = os.statvfs(scene.bag.parent)
-    reserve_mib = free.f_bavail * free.f_frsize // MIB - 256
+    disk = os.statvfs(scene.bag.parent)
+    free_mib = disk.f_bavail * disk.f_frsize // MIB
+    margin_mib = min(2048, free_mib // 4)  # what other processes may write meanwhile
+    reserve_mib = free_mib - margin_mib
     scene.start(f"reserve_mib:={reserve_mib}")
     scene.until_listening()
     scene.send(range(200))
     scene.until(lambda: scene.health and scene.health[-1].messages_written >= 220)
     with (scene.bag.parent / "others").open("wb") as others:
-        os.posix_fallocate(others.fileno(), 0, 1024 * MIB)
+        os.posix_fallocate(others.fileno(), 0, 2 * margin_mib * MIB)
         scene.until(lambda: scene.health[-1].state == RecorderState.DISK_FULL)
         code, printed = scene.end()
     (scene.bag.parent / "others").unlink()
