@@ -204,7 +204,7 @@ def test_a_stop_keeps_the_branch_through_a_silence_once_its_brakes_have_acted(he
 
 
 def by_hand(supervisor: Supervisor, start: Floats, way: Floats, wrong: float, shift_ms: float) -> list[Step]:
-    """A stopped robot that somebody moves slowly that far and back, in 1.6 s. wrong: readings are off by this share of
+    """A stopped robot that somebody moves slowly that far and back, in 0.8 s. wrong: readings are off by this share of
     the error that the settings state, towards the start. shift_ms: the turn is so long after a sample."""
     settings = supervisor.settings
     feed(supervisor, still(supervisor, start, 0, 299))
@@ -212,8 +212,8 @@ def by_hand(supervisor: Supervisor, start: Floats, way: Floats, wrong: float, sh
     assert (newest(steps).level, newest(steps).latched) == (Level.STOP, True)
     error = wrong * position_error(settings)
     longest = max(map(abs, way))
-    for ms in range(400, 2001):
-        share = 0.5 * (1.0 - cos(tau * (ms - 400 - shift_ms) / 1600.0))
+    for ms in range(400, 1201):
+        share = 0.5 * (1.0 - cos(tau * (ms - 400 - shift_ms) / 800.0))
         position = tuple(q + share * step - error * step / longest for q, step in zip(start, way, strict=True))
         steps.append(supervisor.step(sample(ms, position, names=settings.joint_names)))
     return steps

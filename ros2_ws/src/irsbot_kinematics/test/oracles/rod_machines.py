@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 STEPS, NEWTON = 10, 5
+CLOSE = 1e-8  # of a length: an error after which one more step of Newton's leaves rounding alone
 
 
 class Machine(NamedTuple):
@@ -72,6 +73,8 @@ def closed(machine: Machine, shift: Array, longer: Array, elsewhere: Array | flo
             sizes = np.linalg.norm(rods, axis=2)
             error = sizes - machine.length - share * longer
             pose = pose - np.linalg.solve(rows(machine, rods / sizes[..., None], held), error[..., None])[..., 0]
+            if (np.abs(error) < CLOSE * machine.length).all():
+                break
     rods, held = _rods(machine, pose, shift, elsewhere)
     sizes = np.linalg.norm(rods, axis=2)
     assert np.abs(sizes - machine.length - longer).max() < 1e-11 * machine.length.max(), "the branch is lost"
