@@ -23,13 +23,14 @@ Usage: ./irsbot COMMAND [ARGS]
 
   setup         set up whatever is missing; every command does that first
                 --compiled: compile the core and the kinematics, too
-                --plain: do without again, as IRSBOT_PLAIN=1 does
+                --plain: do without again
   test [ARGS]   ruff, mypy and every test
                 with ARGS pytest alone, given these: ./irsbot test -k margin
   python ARGS   the interpreter of the environment:
                 ./irsbot python -c 'import rclpy'
   shell [ARGS]  a bash in which ROS 2 and the workspace are sourced
 
+IRSBOT_PLAIN=1 runs plain Python, without any machine code.
 Uses a sourced ROS 2 Jazzy, or installs one from wheels in .venv
 (IRSBOT_ROS=wheels insists on that). IRSBOT_PYTHON names the Python 3.10, 3.11
 or 3.12 to start from.
@@ -84,6 +85,7 @@ def run(place: Place, arguments: Sequence[str]) -> int:
         raise problems.ProblemError(f"setup takes {compiled.COMPILED} or {compiled.PLAIN}, got {' '.join(rest)}")
     steps.prepare(place)
     if command == "setup":
+        steps.renew_machine_code(place)
         compiled.prepare(place, *rest)
     env = compiled.added_to(place.environment(), place)
     if command == "setup":

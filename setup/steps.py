@@ -100,6 +100,18 @@ def prepare(place: Place) -> None:
                     _take(step, place, progress)
 
 
+def renew_machine_code(place: Place) -> None:
+    """Make the machine code of bounds that have changed since the workspace was built."""
+    if work.has_machine_code(place):
+        return
+    with (
+        alone(place) as lock,
+        Progress(place.log, total=1, keep_open=[lock]) as progress,
+        progress.step("machine code"),
+    ):
+        work.make_machine_code(place, progress)
+
+
 def _take(step: Step, place: Place, progress: Progress) -> None:
     try:
         with progress.step(step.title):

@@ -9,11 +9,12 @@ import os
 import re
 import shutil
 import subprocess
+import sys
 
 import environment
 from fingerprint import packages
 from place import Place
-from progress import Progress
+from progress import CommandError, Progress
 
 ASK_INCLUDES = "import sysconfig, numpy; print(sysconfig.get_paths()['include']); print(numpy.get_include())"
 
@@ -45,6 +46,22 @@ def build_workspace(place: Place, progress: Progress, before: str) -> None:
     env = {"MAKEFLAGS": f"-j{os.cpu_count() or 1}", **place.underlay()}
     progress.run(command, cwd=place.workspace, env=env, activity=colcon_activity)
     environment.save(environment.workspace_paths(place.install), place.paths_file)
+    make_machine_code(place, progress)
+
+
+def make_machine_code(place: Place, progress: Progress) -> None:
+    """The bounds as machine code; without it everything runs, slower."""
+    command = [place.interpreter, "-m", "irsbot_kinematics.machine_code"]
+    try:
+        progress.run(command, cwd=place.root, env=place.environment(), activity=machine_code_activity)
+    except CommandError:
+        print(f"irsbot: no machine code, plain Python runs (details: {place.log})", file=sys.stderr)
+
+
+def has_machine_code(place: Place) -> bool:
+    """True if there is machine code of the present bounds."""
+    command = [place.interpreter, "-m", "irsbot_kinematics.machine_code", "--check"]
+    return subprocess.run(command, cwd=place.root, env=place.environment(), check=False).returncode == 0
 
 
 def _pip(place: Place, progress: Progress, *arguments: str) -> None:
@@ -76,6 +93,12 @@ def colcon_activity(line: str) -> str:
     if compiled:
         return f"compiling, {compiled[3]} %" if compiled[3] else f"compiling, {compiled[1]} of {compiled[2]}"
     return ""
+
+
+def machine_code_activity(line: str) -> str:
+    """Present activity of the maker of machine code, from a line of its output; empty if the line does not show it."""
+    made = re.match(r"\[(\d+)/(\d+)\] ", line)
+    return f"machine code, {made[1]} of {made[2]}" if made else ""
 
 
 def _correct_exports(place: Place) -> None:

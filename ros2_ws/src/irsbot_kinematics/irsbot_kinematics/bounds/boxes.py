@@ -52,12 +52,14 @@ from irsbot_kinematics.bounds.quadratics import (
     largest,
     minus,
     multiplied,
+    norm,
     numbers,
     plus,
     polynomial,
     scaled,
 )
 from irsbot_kinematics.bounds.type2_over_box import type2_over
+from irsbot_kinematics.machine_code.boxes import code_for
 
 if TYPE_CHECKING:
     from irsbot_kinematics.mechanism import Floats, Posture
@@ -138,8 +140,21 @@ def reached(at: Posture, rods: Sequence[Rod], arm: float = 0.0) -> Reached | Non
     """Bounds over the box with the middle `at`; None if nothing can be proved, also for NaN.
 
     rods: one per leg, with near ends in the plane or in space as the screws. arm: m, error of the attachments of a
-    platform that turns; its effect on their ends is in `Rod.aside`.
+    platform that turns; its effect on their ends is in `Rod.aside`. Machine code answers where there is some.
     """
+    n, dims, m = len(rods), len(rods[0].near), len(at.screws[0])
+    code = code_for(n, dims, m)
+    if code is not None:
+        found = code(numbers_of(at, rods, arm))
+        if found is None:
+            return None
+        if found:
+            return _from_numbers(found, n, dims, m)
+    return by_equations(at, rods, arm)
+
+
+def by_equations(at: Posture, rods: Sequence[Rod], arm: float) -> Reached | None:
+    """The same without machine code, which is made from this."""
     det, columns = statics.cofactors(at.screws)
     if not (abs(det) > 0.0 and all(rod.length > 0.0 for rod in rods)):
         return None
@@ -155,6 +170,35 @@ def reached(at: Posture, rods: Sequence[Rod], arm: float = 0.0) -> Reached | Non
     attachments = () if turned is None else at.attachments
     type2 = type2_over(seen, platform.lengths, attachments, arm, platform.longest)
     return Reached(type2, pose, vectors, platform.longest)
+
+
+def numbers_of(at: Posture, rods: Sequence[Rod], arm: float) -> list[float]:
+    """What machine code takes."""
+    found: list[float] = []
+    for screw in at.screws:
+        found += screw
+    if len(at.screws[0]) > len(rods[0].near):
+        for attachment in at.attachments:
+            found += attachment
+    none = (0.0,) * len(rods[0].near)
+    for rod in rods:
+        found.append(rod.length)
+        found += rod.near
+        found += (rod.aside, rod.growth, rod.growth_aside)
+        found += rod.curve or none
+        found.append(rod.growth_curve)
+        found += rod.third or none
+        found.append(rod.growth_third)
+    found.append(arm)
+    return found
+
+
+def _from_numbers(found: list[float], n: int, dims: int, m: int) -> Reached:
+    """What machine code has found: the Type 2 margin, then the quantities of the pose, of the rods, and the lengths."""
+    size = numbers(n, m)
+    parts = [found[k : k + size] for k in range(1, len(found) - n, size)]
+    rods = [parts[k : k + dims] for k in range(m, m + n * dims, dims)]
+    return Reached(found[0], parts[:m], rods, found[len(found) - n :])
 
 
 class _Platform:
@@ -257,9 +301,9 @@ class _Platform:
             if self.turning:
                 steps[0] += abs(y) * turn
                 steps[1] += abs(x) * turn
-                bend = hypot(x, y) * turn * (whole + 0.5 * turn)
-            farther = hypot(*steps) + bend
-            error = _product(ahead, steps) + (length + hypot(*ahead)) * bend + 0.5 * farther * farther
+                bend = norm(x, y) * turn * (whole + 0.5 * turn)
+            farther = norm(*steps) + bend
+            error = _product(ahead, steps) + (length + norm(*ahead)) * bend + 0.5 * farther * farther
             for k, shares in enumerate(per):
                 start[k] += abs(shares[leg]) * error
         return third, start
@@ -308,8 +352,8 @@ class _Platform:
         if self.turning:
             x, y = self.attachments[leg]
             moment = combined((x, -y, -(x * rod[0][0] + y * rod[1][0])), (rod[1], rod[0], turn))
-            moved, most = hypot(largest(rod[0]) - abs(rod[0][0]), largest(rod[1]) - abs(rod[1][0])), largest(turn)
-            moment[-1] += hypot(x, y) * most * (0.5 * most * (length + moved) + moved)
+            moved, most = norm(largest(rod[0]) - abs(rod[0][0]), largest(rod[1]) - abs(rod[1][0])), largest(turn)
+            moment[-1] += norm(x, y) * most * (0.5 * most * (length + moved) + moved)
             found.append(moment)
         for change, screw in zip(found, self.screws[leg], strict=True):
             change[0] -= length * screw
@@ -320,12 +364,12 @@ class _Platform:
     ) -> list[list[float]]:
         """(m, m) shares, and what the Jacobian changes by within the room itself: half as much on the average over a
         straight line through it."""
-        move, farther = hypot(*room[: self.dims]), []
+        move, farther = norm(*room[: self.dims]), []
         for (x, y), longest, aside in zip(self.attachments, self.longest, self.aside, strict=True):
             if not self.turning:
                 farther.append([0.5 * move] * self.m)
                 continue
-            turn, radius = room[-1], hypot(x, y)
+            turn, radius = room[-1], norm(x, y)
             end = move + radius * turn
             last = 0.5 * radius * (end + turn * (longest + aside + end))
             farther.append([*[0.5 * end] * self.dims, last])

@@ -15,7 +15,7 @@ Loops over floats, because these quantities have about 15 numbers: less than a c
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import inf, nan
+from math import inf, nan, sqrt
 
 Quadratic = list[float]
 
@@ -107,6 +107,14 @@ def besides(n: int, a: Quadratic) -> float:
     for k in range(n + 1, len(a)):
         size += abs(a[k])
     return size
+
+
+def norm(*parts: float) -> float:
+    """Size of a vector. Not `math.hypot`: the last bit of that depends on the version of Python."""
+    square = 0.0
+    for x in parts:
+        square += x * x
+    return sqrt(square)
 
 
 def corner_values(n: int, a: Quadratic) -> list[float]:

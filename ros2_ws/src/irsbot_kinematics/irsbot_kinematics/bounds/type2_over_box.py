@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import hypot, inf, sqrt
+from math import copysign, inf
 
 from irsbot_kinematics.bounds.quadratics import (
     Quadratic,
@@ -14,6 +14,7 @@ from irsbot_kinematics.bounds.quadratics import (
     least,
     minus,
     multiplied,
+    norm,
     plus,
     scaled,
 )
@@ -52,8 +53,7 @@ def _in_plane(n: int, rod: Vector, v: Vector) -> float:
     """tan alpha = |X|/D with D = rod . v and X = rod x v. If D s - X c and D s + X c are at least -m and D is at least
     d, m >= 0 and d > 0, then |X| d c <= D (d s + m)."""
     det = dot(n, rod, v)
-    if det[0] < 0.0:
-        det = scaled(det, -1.0)
+    det = scaled(det, copysign(1.0, det[0]))
     cross = minus(multiplied(n, rod[0], v[1]), multiplied(n, rod[1], v[0]))
     d, tangent = least(n, det), 0.0
     dets, crosses = corner_values(n, det), corner_values(n, cross)
@@ -61,22 +61,21 @@ def _in_plane(n: int, rod: Vector, v: Vector) -> float:
         return 0.0
     for k in range(len(dets)):
         tangent = max(tangent, abs(crosses[k] / dets[k]))
-    c = 1.0 / hypot(1.0, tangent)
-    s = tangent * c
+    c = 1.0 / norm(1.0, tangent)
+    s, shortest = tangent * c, d * c
     low, high = least(n, combined((s, -c), (det, cross))), least(n, combined((s, c), (det, cross)))
-    if not (low > -inf and high > -inf):
+    if not (low > -inf and high > -inf and shortest > 0.0):
         return 0.0
     m = max(-min(low, high), 0.0)
-    return 1.0 / hypot(1.0, (d * s + m) / (d * c))
+    return 1.0 / norm(1.0, (d * s + m) / shortest)
 
 
 def _in_space(n: int, rod: Vector, v: Vector, length: Quadratic) -> float:
     """cos alpha = D/(|v| length) with D = rod . v. If D - q |v| length is at least -m and D at least d, m >= 0 and
     d > 0, then D (d + m) >= q d |v| length. |v| <= along + aside^2/(2 along), along and across its middle."""
     det = dot(n, rod, v)
-    if det[0] < 0.0:
-        det = scaled(det, -1.0)
-    d, size = least(n, det), sqrt(v[0][0] * v[0][0] + v[1][0] * v[1][0] + v[2][0] * v[2][0])
+    det = scaled(det, copysign(1.0, det[0]))
+    d, size = least(n, det), norm(v[0][0], v[1][0], v[2][0])
     if not (d > 0.0 and size > 0.0):
         return 0.0
     way = v[0][0] / size, v[1][0] / size, v[2][0] / size
@@ -88,9 +87,9 @@ def _in_space(n: int, rod: Vector, v: Vector, length: Quadratic) -> float:
     reach = plus(along, scaled(dot(n, across, across), 0.5 / shortest))
     below = multiplied(n, reach, length)
     dets, belows, q = corner_values(n, det), corner_values(n, below), inf
+    if not min(belows) > 0.0:
+        return 0.0
     for k in range(len(dets)):
-        if not belows[k] > 0.0:
-            return 0.0
         q = min(q, dets[k] / belows[k])
     left = least(n, minus(det, scaled(below, q)))
     if not (q > 0.0 and left > -inf):

@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
-import os
 import platform
-import shlex
-import subprocess
-import tempfile
 from collections import deque
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -18,6 +14,7 @@ import numpy as np
 from irsbot_kinematics.batch import Evaluations
 from irsbot_kinematics.cache import cache_folder
 from irsbot_kinematics.errors import NotCompiled
+from irsbot_kinematics.machine_code.compiler import compile_library, compiler
 from irsbot_kinematics.machine_code.source import ARRAYS, c_source
 from irsbot_kinematics.machine_code.symbols import NoClosedForm
 from irsbot_kinematics.mechanism import Mechanism
@@ -73,39 +70,9 @@ def built(text: str) -> Path:
     """The library of a C source, from the cache if it is there. Raises NotCompiled."""
     glibc = platform.machine() == "x86_64" and platform.libc_ver()[0] == "glibc"
     libraries = ("-lmvec", "-lm") if glibc else ("-lm",)
-    stated = os.environ.get("CC", "").strip() or "cc"
-    try:
-        command = [*shlex.split(stated), *OPTIONS, *VECTORS]
-    except ValueError as error:
-        raise NotCompiled(f"CC is {stated!r}, which is no command ({error}): name a C compiler") from error
+    command = [*compiler(), *OPTIONS, *VECTORS]
     key = hashlib.sha256("\0".join([text, *command, *libraries, platform.machine()]).encode()).hexdigest()[:32]
     library = cache_folder("machine_code") / f"{key}.so"
     if not library.exists():
-        _compile(text, command, libraries, library)
+        compile_library(text, command, libraries, library)
     return library
-
-
-def _compile(text: str, command: list[str], libraries: tuple[str, ...], library: Path) -> None:
-    """Compile C source to a library. It is there completely or not at all."""
-    try:
-        library.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=library.parent) as folder:
-            made = Path(folder) / library.name
-            source = Path(folder) / "evaluate.c"
-            source.write_text(text)
-            _run([*command, "-o", str(made), str(source), *libraries])
-            made.replace(library)
-    except OSError as error:
-        raise NotCompiled(f"the machine code cannot be kept in {library.parent}: {error}") from error
-
-
-def _run(command: list[str]) -> None:
-    """Run the compiler. Raises NotCompiled."""
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-    except FileNotFoundError as error:
-        raise NotCompiled(f"no C compiler: '{command[0]}' was not found; install gcc, or name one in CC") from error
-    except OSError as error:
-        raise NotCompiled(f"cannot run '{command[0]}' ({error.strerror}): name a C compiler in CC") from error
-    if done.returncode:
-        raise NotCompiled(f"the compiler failed: {shlex.join(done.args)}\n{done.stderr.strip()}")

@@ -159,7 +159,7 @@ def c_text(n: int, program: Program, results: dict[str, Row], decisive: dict[str
     columns = [
         (f"{name}{j}", _stated(one)) for name, row in {**results, **decisive}.items() for j, one in enumerate(row)
     ]
-    operations = [f"const double {name} = {_expression(operation)};" for name, operation in program.operations]
+    operations = [f"const double {name} = {expression(operation)};" for name, operation in program.operations]
     modes = [
         f"working_mode[row * {n} + {j}] = solved[i] ? (sine{j}[i] > {SIGN_DEAD_BAND!r}) - "
         f"(sine{j}[i] < {-SIGN_DEAD_BAND!r}) : 0;"
@@ -191,8 +191,9 @@ def c_text(n: int, program: Program, results: dict[str, Row], decisive: dict[str
     )
 
 
-def _expression(operation: Operation) -> str:
-    name, operands = operation.name, [_operand(one) for one in operation.operands]
+def expression(operation: Operation) -> str:
+    """An operation in C."""
+    name, operands = operation.name, [operand(one) for one in operation.operands]
     if name in ("+", "-", "*", "/"):
         return f" {name} ".join(operands) if len(operands) == 2 else f"-{operands[0]}"
     return f"{'fabs' if name == 'abs' else name}({', '.join(operands)})"
@@ -200,10 +201,10 @@ def _expression(operation: Operation) -> str:
 
 def _stated(value: Symbol | float) -> str:
     """A result, which may be the same for all samples."""
-    return value.name if isinstance(value, Symbol) else _operand(repr(float(value)))
+    return value.name if isinstance(value, Symbol) else operand(repr(float(value)))
 
 
-def _operand(text: str) -> str:
+def operand(text: str) -> str:
     """A value by its name, or a constant as C writes it."""
     try:
         constant = float(text)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple, NoReturn
 
 from irsbot_kinematics.numerics.arithmetic import Arithmetic
@@ -22,6 +23,11 @@ class Operation(NamedTuple):
     operands: tuple[str, ...]
 
 
+def stated(value: Symbol | float) -> str:
+    """A value by its name, or a constant as Python writes it."""
+    return value.name if isinstance(value, Symbol) else repr(float(value))
+
+
 class Program:
     """Operations in the order of their execution. What is computed twice by the equations is one operation."""
 
@@ -39,8 +45,7 @@ class Program:
 
     def value(self, name: str, *operands: Symbol | float) -> Symbol:
         """The result of an operation."""
-        stated = [one.name if isinstance(one, Symbol) else repr(float(one)) for one in operands]
-        operation = Operation(name, tuple(stated))
+        operation = Operation(name, tuple(map(stated, operands)))
         return Symbol(self, f"v{self._numbers.setdefault(operation, len(self._numbers))}")
 
     @property
@@ -105,4 +110,8 @@ class Symbol:
         raise NoClosedForm("the value of a symbol is not known")
 
     __bool__ = __float__ = __int__ = __index__ = _refuse
+    __lt__: Callable[..., Any]
+    __le__: Callable[..., Any]
+    __gt__: Callable[..., Any]
+    __ge__: Callable[..., Any]
     __lt__ = __le__ = __gt__ = __ge__ = __eq__ = __ne__ = _refuse

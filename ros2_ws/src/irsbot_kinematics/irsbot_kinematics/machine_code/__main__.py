@@ -1,0 +1,50 @@
+"""Makes the machine code of the bounds (`boxes`), once for every shape of a platform, in the folder of kept results."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+
+from irsbot_kinematics.errors import NotCompiled
+from irsbot_kinematics.machine_code.box_source import Shape, c_source
+from irsbot_kinematics.machine_code.boxes import SHAPES, library_for
+from irsbot_kinematics.machine_code.compiler import compile_library, compiler
+
+OPTIONS = ("-O1", "-std=gnu11", "-shared", "-fPIC", "-ffp-contract=off")
+"""No product is fused with a sum: the bits are those of Python."""
+
+
+def make(shape: tuple[int, int, int]) -> Path:
+    """Make the machine code for one shape, unless it is there. Raises NotCompiled."""
+    file = library_for(*shape)
+    if not file.is_file():
+        command = [*compiler(), *OPTIONS]  # first: without a compiler there is no need for the source
+        compile_library(c_source(Shape(*shape)), command, ("-lm",), file)
+    return file
+
+
+def main() -> int:
+    """Run the command; its exit code."""
+    parser = argparse.ArgumentParser(
+        prog="python -m irsbot_kinematics.machine_code",
+        description="Make the machine code of the certified bounds, unless it is there: about 10 s.",
+        epilog="Example: python -m irsbot_kinematics.machine_code --check || echo 'plain Python runs'",
+    )
+    parser.add_argument("--check", action="store_true", help="make nothing: exit code 1 if some is missing")
+    if parser.parse_args().check:
+        return 0 if all(library_for(*shape).is_file() for shape in SHAPES) else 1
+    try:
+        with ProcessPoolExecutor(min(len(SHAPES), len(os.sched_getaffinity(0)))) as pool:
+            for number, file in enumerate(pool.map(make, reversed(SHAPES)), 1):  # the largest first
+                print(f"[{number}/{len(SHAPES)}] {file}", flush=True)
+    except NotCompiled as error:
+        print(f"no machine code of the bounds, plain Python runs: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

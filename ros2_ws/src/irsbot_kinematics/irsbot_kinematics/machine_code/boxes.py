@@ -1,0 +1,86 @@
+"""Machine code of `bounds.boxes.by_equations`, which takes most of the time of a supervisor near its limits.
+
+`python -m irsbot_kinematics.machine_code` makes it. It gives the same bits as Python, and is used while the equations
+are unchanged. The environment variable IRSBOT_PLAIN switches it off.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import os
+import platform
+import warnings
+from collections.abc import Callable, Sequence
+from functools import cache
+from pathlib import Path
+
+from irsbot_kinematics.cache import cache_folder
+from irsbot_kinematics.compiled import SWITCH
+
+SHAPES = ((2, 2, 2), (3, 2, 3), (3, 3, 3), (4, 3, 4))
+"""Number of rods, dimensions, entries of a screw."""
+
+SOURCES = (
+    "statics.py",
+    *(f"bounds/{name}.py" for name in ("boxes", "cubics", "quadratics", "type2_over_box")),
+    *(f"machine_code/{name}.py" for name in ("__main__", "box_source", "boxes", "branching", "source", "symbols")),
+)
+"""Modules whose change makes the machine code outdated."""
+
+BoxCode = Callable[[Sequence[float]], "list[float] | None"]
+"""From `boxes.numbers_of`: the numbers of the result, None if there is none, or nothing where Python has to answer."""
+
+
+@cache
+def code_for(rods: int, dims: int, rows: int) -> BoxCode | None:
+    """The machine code for one shape; None if there is none of the present equations."""
+    if os.environ.get(SWITCH):
+        return None
+    file = library_for(rods, dims, rows)
+    if not file.is_file():
+        return None
+    try:
+        library = ctypes.PyDLL(str(file))
+        reproduced = library.is_reproduced()
+    except (OSError, AttributeError) as error:
+        warnings.warn(f"{file} cannot be used ({error}), plain Python runs: delete it", stacklevel=2)
+        return None
+    if not reproduced:
+        warnings.warn(f"{file} has other results on this machine, plain Python runs: delete it", stacklevel=2)
+        return None
+    return _called(library, rods, dims, rows)
+
+
+def _called(library: ctypes.PyDLL, rods: int, dims: int, rows: int) -> BoxCode:
+    from irsbot_kinematics.bounds.quadratics import numbers
+
+    reached = library.reached
+    given = rods * (rows + (2 if rows > dims else 0) + 5 + 3 * dims + 1) + 1
+    inputs = ctypes.c_double * given
+    results = ctypes.c_double * (1 + (rows + rods * dims) * numbers(rods, rows) + rods)
+
+    def code(values: Sequence[float]) -> list[float] | None:
+        out = results()
+        status = reached(inputs(*values), out)
+        if status:
+            return None if status == 1 else []
+        found: list[float] = out[:]
+        return found
+
+    return code
+
+
+@cache
+def _digest() -> str:
+    """Of the sources, and of the machine."""
+    found = hashlib.sha256(platform.machine().encode())
+    for name in SOURCES:
+        data = (Path(__file__).parent.parent / name).read_bytes()
+        found.update(f"{name} {len(data)} ".encode() + data)
+    return found.hexdigest()[:24]
+
+
+def library_for(rods: int, dims: int, rows: int) -> Path:
+    """Where the machine code for one shape is, if there is any."""
+    return cache_folder("machine_code") / f"boxes-{rods}-{dims}-{rows}-{_digest()}.so"
