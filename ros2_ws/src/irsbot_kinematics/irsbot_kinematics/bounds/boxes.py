@@ -75,6 +75,10 @@ LEAST = 1e-100
 """m or rad: least size of the room, so that it has an interior."""
 
 
+Leg = tuple[float, float, float, float]
+"""m: attachment (x, y), longest length, error of the near end."""
+
+
 class Rod(NamedTuple):
     """Effect of a joint on its rod within the box, m: joint i is at s_i in -1..1 of its range."""
 
@@ -332,19 +336,10 @@ class _Platform:
         sizes = [[abs(share) for share in shares] for shares in per]
         changes = [self._change(leg, rods[leg], pose[-1]) for leg in range(n)]
         shares = [[largest(combined(row, [change[e] for change in changes])) for e in range(m)] for row in per]
-        guess = _solved(shares, start)
-        for _ in range(BOXES):
-            if guess is None:
-                return None
-            rows = self._with(shares, sizes, [WIDER * x for x in guess])
-            if (guess := _solved(rows, start)) is None or (more := _solved(rows, guess)) is None:
-                return None
-            room = [x + INSIDE * y + LEAST for x, y in zip(guess, more, strict=True)]
-            rows = self._with(shares, sizes, room)
-            found = [x + _product(row, room) for x, row in zip(start, rows, strict=True)]
-            if all(x < y for x, y in zip(found, room, strict=True)):
-                return found
-        return None
+        places = zip(self.attachments, self.longest, self.aside, strict=True)
+        return room_within(
+            shares, sizes, start, [(x, y, longest, aside) for (x, y), longest, aside in places], self.dims
+        )
 
     def _change(self, leg: int, rod: Sequence[Quadratic], turn: Quadratic) -> list[Quadratic]:
         """How a row of the Jacobian, (w, (R c) x w), changes with the joints."""
@@ -358,25 +353,6 @@ class _Platform:
         for change, screw in zip(found, self.screws[leg], strict=True):
             change[0] -= length * screw
         return found
-
-    def _with(
-        self, shares: Sequence[Sequence[float]], sizes: Sequence[Sequence[float]], room: Sequence[float]
-    ) -> list[list[float]]:
-        """(m, m) shares, and what the Jacobian changes by within the room itself: half as much on the average over a
-        straight line through it."""
-        move, farther = norm(*room[: self.dims]), []
-        for (x, y), longest, aside in zip(self.attachments, self.longest, self.aside, strict=True):
-            if not self.turning:
-                farther.append([0.5 * move] * self.m)
-                continue
-            turn, radius = room[-1], norm(x, y)
-            end = move + radius * turn
-            last = 0.5 * radius * (end + turn * (longest + aside + end))
-            farther.append([*[0.5 * end] * self.dims, last])
-        return [
-            [share + _product(size, [more[e] for more in farther]) for e, share in enumerate(row)]
-            for row, size in zip(shares, sizes, strict=True)
-        ]
 
     def _turned(self, turn: Quadratic) -> tuple[Quadratic, Quadratic]:
         """cos and sin."""
@@ -399,6 +375,54 @@ class _Platform:
         found = [0.0] * numbers(self.n, self.m)
         found[0] = value
         return found
+
+
+def room_within(
+    shares: Sequence[Sequence[float]],
+    sizes: Sequence[Sequence[float]],
+    start: Sequence[float],
+    legs: Sequence[Leg],
+    dims: int,
+) -> list[float] | None:
+    """(m,) step 1: a room that cannot be left; None if none is found. shares: (m, m) of |1 - C J|. sizes: (m, n) of C.
+    start: (m,) of |C F|."""
+    guess = _solved(shares, start)
+    for _ in range(BOXES):
+        if guess is None:
+            return None
+        rows = _with(shares, sizes, legs, dims, [WIDER * x for x in guess])
+        if (guess := _solved(rows, start)) is None or (more := _solved(rows, guess)) is None:
+            return None
+        room = [x + INSIDE * y + LEAST for x, y in zip(guess, more, strict=True)]
+        rows = _with(shares, sizes, legs, dims, room)
+        found = [x + _product(row, room) for x, row in zip(start, rows, strict=True)]
+        if all(x < y for x, y in zip(found, room, strict=True)):
+            return found
+    return None
+
+
+def _with(
+    shares: Sequence[Sequence[float]],
+    sizes: Sequence[Sequence[float]],
+    legs: Sequence[Leg],
+    dims: int,
+    room: Sequence[float],
+) -> list[list[float]]:
+    """(m, m) shares, and what the Jacobian changes by within the room itself: half as much on the average over a
+    straight line through it."""
+    move, farther = norm(*room[:dims]), []
+    for x, y, longest, aside in legs:
+        if len(room) == dims:
+            farther.append([0.5 * move] * dims)
+            continue
+        turn, radius = room[-1], norm(x, y)
+        end = move + radius * turn
+        last = 0.5 * radius * (end + turn * (longest + aside + end))
+        farther.append([*[0.5 * end] * dims, last])
+    return [
+        [share + _product(size, [more[e] for more in farther]) for e, share in enumerate(row)]
+        for row, size in zip(shares, sizes, strict=True)
+    ]
 
 
 def _solved(shares: Sequence[Sequence[float]], start: Sequence[float]) -> list[float] | None:

@@ -12,13 +12,22 @@ import builtins
 import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import reduce
-from itertools import count
+from itertools import chain, count, islice
 from pathlib import Path
 from string import Template
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
-from irsbot_kinematics.machine_code.branching import Further, Trace
+from irsbot_kinematics.machine_code.branching import (
+    Branch,
+    Comparison,
+    Further,
+    Number,
+    Recorder,
+    Trace,
+    Undecided,
+    all_of,
+)
 from irsbot_kinematics.machine_code.source import expression, operand
 from irsbot_kinematics.machine_code.symbols import Operation, Symbol, stated
 
@@ -128,11 +137,11 @@ def c_source(shape: Shape) -> str:
     results = _flat(found)
     guards: dict[int, list[str]] = {}
     for number, guard in enumerate(trace.guards):
-        condition = f"!({operand(guard.left)} {guard.sign} {operand(guard.right)})"
-        guards.setdefault(guard.place, []).append(f"if ({condition}) {_answer(shape, number, results)};")
+        answer = f"if (!({_condition(guard.comparisons)})) {_answer(shape, number, results)};"
+        guards.setdefault(guard.place, []).append(answer)
     lines = []
     for place, (name, operation) in enumerate(trace.operations):
-        lines += [*guards.get(place, ()), *_statements(name, operation)]
+        lines += [*guards.get(place, ()), *_statements(shape, name, operation)]
     lines += guards.get(len(trace.operations), ())
     example, expected = _example(shape)
     return CODE.substitute(
@@ -166,24 +175,64 @@ def _answer(shape: Shape, number: int, results: Sequence[Any]) -> str:
     return "goto known" if same and stated(found.type2) == stated(0.0) else f"return {UNKNOWN}"
 
 
-def _statements(name: str, operation: Operation) -> list[str]:
-    operands = ", ".join(map(operand, operation.operands))
-    if operation.name != "least":
-        return [f"const double {name} = {expression(operation)};"]
-    return [f"const double {name}_of[] = {{{operands}}};", f"const double {name} = least({name}_of);"]
+def _condition(comparisons: Sequence[Comparison]) -> str:
+    """In C."""
+    return " && ".join([f"{operand(left)} {sign} {operand(right)}" for left, sign, right in comparisons])
+
+
+def _statements(shape: Shape, name: str, operation: Operation) -> list[str]:
+    """What gives a value its name."""
+    if operation.name == "room":
+        found = f"double {name} = 0.0, {name}_is[{shape.rows}];"
+        return [found, *_every_way(shape, name, list(operation.operands), (), 0)]
+    if operation.name == "least":
+        given = f"const double {name}_of[] = {{{', '.join(map(operand, operation.operands))}}};"
+        return [given, f"const double {name} = least({name}_of);"]
+    return [f"const double {name} = {expression(operation)};"]
+
+
+def _every_way(shape: Shape, name: str, given: list[str], answers: tuple[bool, ...], known: int) -> list[str]:
+    """`room_within` with all answers to its comparisons but the first, which are told; `known` operations are there."""
+    branch = Branch(answers)
+    room_within = _Copies(branch, shape).module("bounds.boxes").room_within
+    try:
+        found = room_within(*_room_arguments(shape, [_given(branch, one) for one in given]))
+    except Undecided as undecided:
+        lines = [line for one in branch.operations[known:] for line in _statements(shape, *one)]
+        place = undecided.guard.place
+        yes, no = [_every_way(shape, name, given, (*answers, answer), place) for answer in (True, False)]
+        return [*lines, f"if ({_condition(undecided.guard.comparisons)}) {{", *yes, "} else {", *no, "}"]
+    lines = [line for one in branch.operations[known:] for line in _statements(shape, *one)]
+    if found is None:
+        return lines
+    results = [f"{name}_is[{k}] = {operand(stated(one))};" for k, one in enumerate(found)]
+    return [*lines, f"{name} = 1.0;", *results]
+
+
+def _given(branch: Branch, text: str) -> Number | float:
+    """A value of the program around, or a constant."""
+    return branch.input(text) if text == operand(text) else float(text)
+
+
+def _room_arguments(shape: Shape, numbers: Sequence[Any]) -> tuple[Any, ...]:
+    """Arguments of `boxes.room_within` from their numbers in this order."""
+    n, m, left = shape.rods, shape.rows, iter(numbers)
+    take: Callable[[int], list[Any]] = lambda count: list(islice(left, count))  # noqa: E731
+    shares, sizes = [take(m) for _ in range(m)], [take(n) for _ in range(m)]
+    return shares, sizes, take(m), [tuple(take(4)) for _ in range(n)], shape.dims
 
 
 def _traced(shape: Shape, denied: int | None = None) -> tuple[Trace, Any]:
     """A run of the equations, and its result."""
     trace, places = Trace(denied), count()
-    boxes = _Copies(trace).module("bounds.boxes")
+    boxes = _Copies(trace, shape).module("bounds.boxes")
     arguments = _arguments(shape, boxes.Rod, lambda: trace.input(f"in[{next(places)}]"))
     return trace, boxes.by_equations(*arguments)
 
 
 def _example(shape: Shape) -> tuple[list[float], list[float]]:
     """Inputs without symmetry, and the results of Python."""
-    boxes = _Copies(Trace()).module("bounds.boxes")
+    boxes = _Copies(Trace(), shape).module("bounds.boxes")
     sines = (math.sin(k * k + 1.0) for k in count())
     at, rods, arm = _arguments(shape, boxes.Rod, lambda: 1e-3 * next(sines))
     legs = [
@@ -225,10 +274,10 @@ def _arguments(shape: Shape, rod: Callable[..., Any], given: Callable[[], Any]) 
 class _Copies:
     """The modules of the equations, executed once more, with functions that also take the numbers of a trace."""
 
-    def __init__(self, trace: Trace) -> None:
-        self._trace = trace
+    def __init__(self, trace: Recorder, shape: Shape) -> None:
+        self._trace, self._shape = trace, shape
         self._modules: dict[str, SimpleNamespace] = {}
-        own = {"min": self._folded("min", "smaller"), "max": self._folded("max", "larger")}
+        own = {"min": self._folded("min", "smaller"), "max": self._folded("max", "larger"), "all": all_of}
         self._builtins = {**vars(builtins), **own, "__import__": self._import}
         functions = {name: self._function(name) for name in ("sqrt", "copysign")}
         self._math = SimpleNamespace(**{**vars(math), **functions})
@@ -241,6 +290,8 @@ class _Copies:
             exec(compile(file.read_text(encoding="utf-8"), file, "exec"), names)
             if name == "bounds.quadratics":
                 names["least"] = self._least(names["least"])
+            if name == "bounds.boxes" and isinstance(self._trace, Trace):
+                names["room_within"] = self._room(names["room_within"])
             self._modules[name] = SimpleNamespace(**names)
         return self._modules[name]
 
@@ -290,5 +341,17 @@ class _Copies:
             if any(isinstance(part, Symbol) for part in a):
                 return self._trace.value("least", *a)
             return usual(n, a)
+
+        return function
+
+    def _room(self, usual: Callable[..., list[float] | None]) -> Callable[..., Any]:
+        """`room_within`: one operation of the trace, which finds a room or not."""
+
+        def function(shares: Any, sizes: Any, start: Sequence[Any], legs: Any, dims: int) -> Any:
+            parts = [*chain(*shares), *chain(*sizes), *start, *chain(*legs)]
+            if not any(isinstance(part, Symbol) for part in parts):
+                return usual(shares, sizes, start, legs, dims)
+            found = self._trace.value("room", *parts)
+            return [self._trace.input(f"{found.name}_is[{k}]") for k in range(len(start))] if found > 0.0 else None
 
         return function

@@ -31,13 +31,16 @@ def stated(value: Symbol | float) -> str:
 class Program:
     """Operations in the order of their execution. What is computed twice by the equations is one operation."""
 
+    LETTER = "v"
+    """First letter of the names of values."""
+
     def __init__(self) -> None:
         self._numbers: dict[Operation, int] = {}
 
     @property
     def operations(self) -> list[tuple[str, Operation]]:
         """Name and operation of every value, without the inputs."""
-        return [(f"v{number}", operation) for operation, number in self._numbers.items()]
+        return [(f"{self.LETTER}{number}", operation) for operation, number in self._numbers.items()]
 
     def input(self, name: str) -> Symbol:
         """A number that is given from outside."""
@@ -46,7 +49,7 @@ class Program:
     def value(self, name: str, *operands: Symbol | float) -> Symbol:
         """The result of an operation."""
         operation = Operation(name, tuple(map(stated, operands)))
-        return Symbol(self, f"v{self._numbers.setdefault(operation, len(self._numbers))}")
+        return Symbol(self, f"{self.LETTER}{self._numbers.setdefault(operation, len(self._numbers))}")
 
     @property
     def arithmetic(self) -> Arithmetic[Any]:
