@@ -20,10 +20,10 @@ from hypothesis import strategies as st
 from random_boxes import PLATFORMS, WAYS, random_box
 
 from irsbot_kinematics.bounds import boxes
+from irsbot_kinematics.bounds.box_code import SHAPES, BoxCode, code_for, library_for
 from irsbot_kinematics.bounds.boxes import Reached, by_equations, numbers_of, reached
 from irsbot_kinematics.bounds.quadratics import least, numbers
 from irsbot_kinematics.machine_code.__main__ import make
-from irsbot_kinematics.machine_code.boxes import SHAPES, BoxCode, code_for, library_for
 from irsbot_kinematics.machine_code.branching import Branch, Further, Trace, Undecided, all_of
 
 FLOATS = st.floats(allow_nan=True, allow_infinity=True) | st.sampled_from([0.0, -0.0, 1.0, -1.0, 1e-300, 1e200])
@@ -122,6 +122,14 @@ def test_python_answers_where_there_is_no_code_or_it_does_not_know(monkeypatch: 
     assert bits(reached(at, rods, arm)) == expected
     without(monkeypatch, lambda _numbers: None)
     assert reached(at, rods, arm) is None
+
+
+@pytest.mark.parametrize("more", [-1, 1])
+def test_another_number_of_values_is_left_to_python(more: int) -> None:
+    at, rods, arm = a_box()
+    values = numbers_of(at, rods, arm)
+    assert code_of((3, 2, 3))(values)
+    assert code_of((3, 2, 3))([*values, 0.0][: len(values) + more]) == []
 
 
 def test_plain_python_is_selected_by_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:

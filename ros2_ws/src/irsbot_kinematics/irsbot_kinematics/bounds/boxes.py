@@ -43,6 +43,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from irsbot_kinematics import statics
 from irsbot_kinematics.bounds import cubics
+from irsbot_kinematics.bounds.box_code import code_for
 from irsbot_kinematics.bounds.cubics import Cubic, cube, cubic
 from irsbot_kinematics.bounds.quadratics import (
     Quadratic,
@@ -59,7 +60,6 @@ from irsbot_kinematics.bounds.quadratics import (
     scaled,
 )
 from irsbot_kinematics.bounds.type2_over_box import type2_over
-from irsbot_kinematics.machine_code.boxes import code_for
 
 if TYPE_CHECKING:
     from irsbot_kinematics.mechanism import Floats, Posture

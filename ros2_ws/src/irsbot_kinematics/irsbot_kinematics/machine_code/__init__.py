@@ -1,6 +1,6 @@
-"""The equations of a mechanism as machine code, for `evaluate_many`.
+"""Equations as machine code.
 
-`symbols` records the operations of the equations, `source` writes them as C, `library` has them compiled and calls
-them. Nothing is derived a second time: the equations of a mechanism do not branch on values, so one run on symbols
-meets all of them.
+`symbols` records the operations of equations, `source` writes those of a mechanism as C for `evaluate_many`, `library`
+has them compiled and calls them. `branching` also records comparisons, `box_source` writes the certified bounds over
+boxes as C, and `python -m irsbot_kinematics.machine_code` has them compiled. Nothing is derived a second time.
 """

@@ -1,4 +1,4 @@
-"""Makes the machine code of the bounds (`boxes`), once for every shape of a platform, in the folder of kept results."""
+"""Makes the machine code of the bounds (`bounds.box_code`), once for every shape of a platform."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import sys
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
+from irsbot_kinematics.bounds.box_code import SHAPES, library_for
 from irsbot_kinematics.errors import NotCompiled
 from irsbot_kinematics.machine_code.box_source import Shape, c_source
-from irsbot_kinematics.machine_code.boxes import SHAPES, library_for
 from irsbot_kinematics.machine_code.compiler import compile_library, compiler
 
 OPTIONS = ("-O1", "-std=gnu11", "-shared", "-fPIC", "-ffp-contract=off")

@@ -1,4 +1,4 @@
-"""Machine code of `bounds.boxes.by_equations`, which takes most of the time of a supervisor near its limits.
+"""Machine code of `boxes.by_equations`, which takes most of the time of a supervisor near its limits.
 
 `python -m irsbot_kinematics.machine_code` makes it. It gives the same bits as Python, and is used while the equations
 are unchanged. The environment variable IRSBOT_PLAIN switches it off.
@@ -15,6 +15,7 @@ from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
 
+from irsbot_kinematics.bounds.quadratics import numbers
 from irsbot_kinematics.cache import cache_folder
 from irsbot_kinematics.compiled import SWITCH
 
@@ -23,8 +24,8 @@ SHAPES = ((2, 2, 2), (3, 2, 3), (3, 3, 3), (4, 3, 4))
 
 SOURCES = (
     "statics.py",
-    *(f"bounds/{name}.py" for name in ("boxes", "cubics", "quadratics", "type2_over_box")),
-    *(f"machine_code/{name}.py" for name in ("__main__", "box_source", "boxes", "branching", "source", "symbols")),
+    *(f"bounds/{name}.py" for name in ("box_code", "boxes", "cubics", "quadratics", "type2_over_box")),
+    *(f"machine_code/{name}.py" for name in ("__main__", "box_source", "branching", "source", "symbols")),
 )
 """Modules whose change makes the machine code outdated."""
 
@@ -37,7 +38,10 @@ def code_for(rods: int, dims: int, rows: int) -> BoxCode | None:
     """The machine code for one shape; None if there is none of the present equations."""
     if os.environ.get(SWITCH):
         return None
-    file = library_for(rods, dims, rows)
+    try:
+        file = library_for(rods, dims, rows)
+    except OSError:  # without sources nobody knows whether it is theirs
+        return None
     if not file.is_file():
         return None
     try:
@@ -53,14 +57,14 @@ def code_for(rods: int, dims: int, rows: int) -> BoxCode | None:
 
 
 def _called(library: ctypes.PyDLL, rods: int, dims: int, rows: int) -> BoxCode:
-    from irsbot_kinematics.bounds.quadratics import numbers
-
     reached = library.reached
     given = rods * (rows + (2 if rows > dims else 0) + 5 + 3 * dims + 1) + 1
-    inputs = ctypes.c_double * given
+    inputs = ctypes.c_double * given  # fewer would be taken as zeros
     results = ctypes.c_double * (1 + (rows + rods * dims) * numbers(rods, rows) + rods)
 
     def code(values: Sequence[float]) -> list[float] | None:
+        if len(values) != given:
+            return []
         out = results()
         status = reached(inputs(*values), out)
         if status:
