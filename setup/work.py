@@ -61,7 +61,8 @@ def make_machine_code(place: Place, progress: Progress) -> None:
 def has_machine_code(place: Place) -> bool:
     """True if there is machine code of the present bounds."""
     command = [place.interpreter, "-m", "irsbot_kinematics.machine_code", "--check"]
-    return subprocess.run(command, cwd=place.root, env=place.environment(), check=False).returncode == 0
+    env = place.environment()
+    return subprocess.run(command, cwd=place.root, env=env, check=False, capture_output=True).returncode == 0
 
 
 def _pip(place: Place, progress: Progress, *arguments: str) -> None:

@@ -202,6 +202,29 @@ def test_an_up_to_date_set_up_needs_no_compiler_and_no_network(modules, irsbot, 
     assert not (copy / "runs").exists()
 
 
+def test_without_machine_code_plain_python_runs_and_the_set_up_says_so(modules, irsbot, copy):
+    set_up(modules, copy)
+    done = irsbot("setup")  # the copy has no package that could make it
+    assert done.returncode == 0
+    assert "irsbot: no machine code, plain Python runs (details: " in done.stderr
+    assert "Traceback" not in done.stderr
+    assert "irsbot_kinematics" in (copy / "runs/setup.log").read_text()
+
+
+def test_machine_code_that_is_there_is_not_made_again(modules, irsbot, copy):
+    set_up(modules, copy)
+    (copy / ".venv/bin/python").unlink()
+    program(copy / ".venv/bin/python", f"#!/bin/bash\necho $@ >> {copy}/asked\n")
+    assert irsbot("setup").stderr == ""
+    asked = [line for line in (copy / "asked").read_text().splitlines() if line.startswith("-m")]
+    assert asked == ["-m irsbot_kinematics.machine_code --check"]
+
+
+@pytest.mark.parametrize(("line", "shown"), [("[2/4] /a/b.so", "machine code, 2 of 4"), ("anything else", "")])
+def test_the_maker_of_machine_code_shows_how_far_it_is(modules, line, shown):
+    assert modules.steps.work.machine_code_activity(line) == shown
+
+
 def test_inside_its_own_environment_it_does_not_take_itself_for_a_sourced_ros(modules, irsbot, copy):
     set_up(modules, copy)
     show = "import os; print(os.environ['AMENT_PREFIX_PATH'], os.environ['LD_LIBRARY_PATH'])"
