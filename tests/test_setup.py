@@ -214,7 +214,7 @@ def test_without_machine_code_plain_python_runs_and_the_set_up_says_so(modules, 
 def test_machine_code_that_is_there_is_not_made_again(modules, irsbot, copy):
     set_up(modules, copy)
     (copy / ".venv/bin/python").unlink()
-    heard = f'[[ $1 = -m ]] && exec echo "$@" >> {copy}/asked'
+    heard = f'[[ $1 = -m ]] && echo "$@" >> {copy}/asked && exit'
     program(copy / ".venv/bin/python", f'#!/bin/bash\n{heard}\nexec {BASE_PYTHON} "$@"\n')
     assert irsbot("setup").stderr == ""
     assert (copy / "asked").read_text() == "-m irsbot_kinematics.machine_code --check\n"
