@@ -194,7 +194,7 @@ def _statements(shape: Shape, name: str, operation: Operation) -> list[str]:
 def _every_way(shape: Shape, name: str, given: list[str], answers: tuple[bool, ...], known: int) -> list[str]:
     """`room_within` with all answers to its comparisons but the first, which are told; `known` operations are there."""
     branch = Branch(answers)
-    room_within = _Copies(branch, shape).module("bounds.boxes").room_within
+    room_within = _Copies(branch).module("bounds.boxes").room_within
     try:
         found = room_within(*_room_arguments(shape, [_given(branch, one) for one in given]))
     except Undecided as undecided:
@@ -217,7 +217,10 @@ def _given(branch: Branch, text: str) -> Number | float:
 def _room_arguments(shape: Shape, numbers: Sequence[Any]) -> tuple[Any, ...]:
     """Arguments of `boxes.room_within` from their numbers in this order."""
     n, m, left = shape.rods, shape.rows, iter(numbers)
-    take: Callable[[int], list[Any]] = lambda count: list(islice(left, count))  # noqa: E731
+
+    def take(number: int) -> list[Any]:
+        return list(islice(left, number))
+
     shares, sizes = [take(m) for _ in range(m)], [take(n) for _ in range(m)]
     return shares, sizes, take(m), [tuple(take(4)) for _ in range(n)], shape.dims
 
@@ -225,19 +228,17 @@ def _room_arguments(shape: Shape, numbers: Sequence[Any]) -> tuple[Any, ...]:
 def _traced(shape: Shape, denied: int | None = None) -> tuple[Trace, Any]:
     """A run of the equations, and its result."""
     trace, places = Trace(denied), count()
-    boxes = _Copies(trace, shape).module("bounds.boxes")
+    boxes = _Copies(trace).module("bounds.boxes")
     arguments = _arguments(shape, boxes.Rod, lambda: trace.input(f"in[{next(places)}]"))
     return trace, boxes.by_equations(*arguments)
 
 
 def _example(shape: Shape) -> tuple[list[float], list[float]]:
     """Inputs without symmetry, and the results of Python."""
-    boxes = _Copies(Trace(), shape).module("bounds.boxes")
+    boxes = _Copies(Trace()).module("bounds.boxes")
     sines = (math.sin(k * k + 1.0) for k in count())
     at, rods, arm = _arguments(shape, boxes.Rod, lambda: 1e-3 * next(sines))
-    legs = [
-        (1.9 * leg, math.cos(3.0 * leg)) for leg in range(shape.rods)
-    ]  # direction of the rod, and of its arm from it
+    legs = [(1.9 * leg, math.cos(3.0 * leg)) for leg in range(shape.rods)]  # rad: the rod, and its arm from there
     at.attachments = tuple([(0.3 * math.cos(a + b), 0.3 * math.sin(a + b)) for a, b in legs][: len(at.attachments)])
     at.screws = tuple([_screw(shape, a, -0.3 * math.sin(b)) for a, b in legs])
     rods = [
@@ -274,8 +275,8 @@ def _arguments(shape: Shape, rod: Callable[..., Any], given: Callable[[], Any]) 
 class _Copies:
     """The modules of the equations, executed once more, with functions that also take the numbers of a trace."""
 
-    def __init__(self, trace: Recorder, shape: Shape) -> None:
-        self._trace, self._shape = trace, shape
+    def __init__(self, trace: Recorder) -> None:
+        self._trace = trace
         self._modules: dict[str, SimpleNamespace] = {}
         own = {"min": self._folded("min", "smaller"), "max": self._folded("max", "larger"), "all": all_of}
         self._builtins = {**vars(builtins), **own, "__import__": self._import}
