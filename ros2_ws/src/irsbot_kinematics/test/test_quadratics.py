@@ -7,6 +7,7 @@ import pytest
 
 from irsbot_kinematics.bounds import boxes
 from irsbot_kinematics.bounds.quadratics import (
+    aside,
     besides,
     combined,
     corner_values,
@@ -15,10 +16,12 @@ from irsbot_kinematics.bounds.quadratics import (
     least,
     minus,
     multiplied,
+    norm,
     numbers,
     plus,
     polynomial,
     scaled,
+    value_at,
 )
 
 SAMPLES = 400
@@ -148,3 +151,25 @@ def test_the_cosine_and_the_sine_of_a_turn_hold_for_all_joints_and_remainders(n,
             assert (off <= stated[-1] + 1e-15).all()
             used.append(off.max() / (stated[-1] + 1e-15))
     assert np.max(used) > 0.5
+
+
+@pytest.mark.parametrize(("n", "m"), [(2, 2), (3, 3), (4, 4)])
+def test_a_quantity_at_a_point_is_its_polynomial_and_what_is_aside(n, m):
+    rng = np.random.default_rng(11)
+    for _ in range(10):
+        a = random_quantity(rng, n, m)
+        s, x = points(rng, n, m)
+        there = np.array([value_at(a, point) for point in s.tolist()])
+        np.testing.assert_allclose(there, monomials(s, 0.0 * x) @ a[:-1], atol=1e-14)
+        assert aside(n, a) == pytest.approx(np.abs(a[polynomial(n) :]).sum(), abs=1e-15)
+        off = np.abs(monomials(s, x) @ a[:-1] + a[-1] - there)
+        assert (off <= aside(n, a) + 1e-14).all()
+
+
+def test_the_norm_is_the_size_of_a_vector():
+    rng = np.random.default_rng(12)
+    for size in (1, 2, 3, 4):
+        v = rng.normal(size=size)
+        assert norm(*v.tolist()) == pytest.approx(np.linalg.norm(v), rel=1e-15)
+    assert norm() == 0.0
+    assert norm(1e-200, -1e-200) == 0.0  # its square is none

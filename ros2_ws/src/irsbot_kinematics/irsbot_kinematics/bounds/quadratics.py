@@ -109,6 +109,27 @@ def besides(n: int, a: Quadratic) -> float:
     return size
 
 
+def aside(n: int, a: Quadratic) -> float:
+    """Bound of the other effects and the rest."""
+    size = 0.0
+    for k in range(polynomial(n), len(a)):
+        size += abs(a[k])
+    return size
+
+
+def value_at(a: Quadratic, s: Sequence[float]) -> float:
+    """Its polynomial at a point of the box."""
+    n = len(s)
+    found, place = a[0], 1 + 2 * n
+    for j in range(n):
+        found += s[j] * (a[1 + j] + s[j] * a[1 + n + j])
+    for k in range(n):
+        for j in range(k):
+            found += a[place] * s[j] * s[k]
+            place += 1
+    return found
+
+
 def norm(*parts: float) -> float:
     """Size of a vector. Not `math.hypot`: the last bit of that depends on the version of Python."""
     square = 0.0

@@ -11,16 +11,17 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Sequence
 from functools import lru_cache
-from math import cos, hypot, inf, nan, pi, remainder, sin, sqrt, tau
-from operator import le, lt, mul
+from math import copysign, cos, hypot, inf, nan, pi, remainder, sin, sqrt, tau
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from irsbot_kinematics import statics
+from irsbot_kinematics.bounds.boxes import reached
+from irsbot_kinematics.bounds.quadratics import aside, norm, value_at
 from irsbot_kinematics.mechanism import Coordinate, Cuspidal, Floats, Legs, Posture, Status, meant, sign_of
-from irsbot_kinematics.mechanisms.turning_platform import Travel, TurningPlatform
+from irsbot_kinematics.mechanisms.turning_platform import TurningPlatform
 from irsbot_kinematics.numerics.arithmetic import ARRAYS, FLOATS, Arithmetic, Array, N
 from irsbot_kinematics.numerics.assembly_roots import SAMPLED_TURNS, trigonometric_roots
 from irsbot_kinematics.numerics.tolerances import CLOSURE_TOL_M, FOLLOWED_TOL_M, SAME_POSE_TOL, UNREAL_TOL, VANISHED_TOL
@@ -41,10 +42,6 @@ NEAR = 0.01
 """1: a candidate with a larger error, over the size of the robot, is not a root displaced by rounding."""
 FOLLOW = 4
 """Number of steps with the neighbour's screws, and of Newton steps after them, at most."""
-FIXED = 4
-"""Steps towards the smallest box that contains the image of its own right sides."""
-WIDER = 1.1
-"""1: factor of the next box over its right sides."""
 HALVINGS = 6
 """How often the path from a neighbour is halved before the branch counts as lost."""
 TURN_DIGITS = 9
@@ -181,10 +178,10 @@ class BranchedPlatform(TurningPlatform):
     def track(self, joints: Sequence[float], previous: Posture) -> Posture:
         """The posture that the branch of `previous` has at neighbouring joints.
 
-        A step counts only with a proof: the box of `displacement_and_turn`, or that of `_held`, has exactly
-        one solution, and det A keeps its sign in it, because the inequality's right side contracts there. Steps that
-        are too long are halved along the straight way, the shorter one round a crank; after HALVINGS the branch is
-        lost, SINGULAR.
+        A step counts only with a proof: the box of `displacement_and_turn` has exactly one solution, and det A keeps
+        its sign in it, because the inequality's right side contracts there; or that of `_leap`. Steps that are too
+        long are halved along the straight way, the shorter one round a crank; after HALVINGS the branch is lost,
+        SINGULAR.
         """
         if previous.status != Status.SOLVED:
             return self.posture(joints, previous.assembly_mode or self.usual_assembly_mode)
@@ -210,14 +207,10 @@ class BranchedPlatform(TurningPlatform):
         """One proved step, or None: first order, steps with the screws of `at`, then Newton steps."""
         ahead = [q - before for q, before in zip(joints, at.joints, strict=True)]
         asked = self.travel_of(at, [abs(way) for way in ahead], 0.0)
-        det, columns = statics.cofactors(at.screws)
         d, t = self.box(at, asked)
-        box = [(0.0, 0.0, d)], t
         if not d + t < inf:
-            held = self._held(at, asked, det, columns)
-            if held is None:
-                return None
-            box = held
+            return self._leap(joints, at, ahead, asked.rod) if asked.rod > 0.0 else None
+        det, columns = statics.cofactors(at.screws)
         rods = self.rods(FLOATS, joints)
         pose, drive = at.pose, [-(lever * way) for lever, way in zip(at.levers, ahead, strict=True)]
         for _ in range(FOLLOW):
@@ -225,6 +218,14 @@ class BranchedPlatform(TurningPlatform):
             drive = self._misfit(rods, pose)
             if all(abs(error) <= FOLLOWED_TOL_M for error in drive):
                 break
+        found = self._closed(joints, pose, at)
+        way = [there - here for there, here in zip(found.pose, at.pose, strict=True)]
+        x, y, turn, up = way[0], way[1], way[-1], way[2] if len(way) == 4 else 0.0
+        inside = hypot(x, y, up) <= d + CLOSURE_TOL_M and abs(turn) <= t + CLOSURE_TOL_M / self.radius
+        return found if inside and found.residual <= CLOSURE_TOL_M else None
+
+    def _closed(self, joints: Floats, pose: Floats, at: Posture) -> Posture:
+        """The posture to which Newton's method leads from a pose."""
         found = self.at(joints, pose, at.assembly_mode, at.gaps)  # type: ignore[arg-type]
         for _ in range(FOLLOW):
             if found.residual <= FOLLOWED_TOL_M or found.det == 0.0:
@@ -232,42 +233,28 @@ class BranchedPlatform(TurningPlatform):
             drive = [-error for error in found.parts[2 * len(joints) :]]
             pose = _moved(found.pose, statics.twist(found.screws, drive))
             found = self.at(joints, pose, at.assembly_mode, at.gaps)  # type: ignore[arg-type]
-        way = [there - here for there, here in zip(found.pose, at.pose, strict=True)]
-        x, y, turn, up = way[0], way[1], way[-1], way[2] if len(way) == 4 else 0.0
-        inside = abs(turn) <= box[1] + CLOSURE_TOL_M / self.radius and all(
-            hypot(x - turn * cy, y + turn * cx, up) <= most + CLOSURE_TOL_M for cx, cy, most in box[0]
-        )
-        return found if inside and found.residual <= CLOSURE_TOL_M else None
+        return found
 
-    def _held(
-        self, at: Posture, asked: Travel, det: float, columns: Sequence[Floats]
-    ) -> tuple[list[tuple[float, float, float]], float] | None:
-        """Per arm the most, m, by which displacement and turn move its end, and the most, rad, that the platform turns,
-        in a box with exactly one solution; None if this proves none.
+    def _leap(self, joints: Floats, at: Posture, ahead: Sequence[float], rod: float) -> Posture | None:
+        """One step with the proof of `boxes`, which reaches much farther; None if it proves none. rod: m, least length.
 
-        With z = (e_1 .. e_n, t) the right sides of `displacement` are a polynomial phi(z), no coefficient negative,
-        in which rod end i moves by e_i <= sum U_ij b_j, U_ij its speed when leg j alone yields, |a_i| <= e_i +
-        radius t^2/2 + path. Where phi(w) <= w the solution stays in the box w. A term z^k of phi has
-        k w^(k-1) 2 w <= (2 w)^k, so that the derivative of phi at w, applied to 2 w, is at most phi(2 w): where that is
-        below 2 w the right sides contract in the box, and A^-1 times the matrix there differs from 1 by less than 1.
+        The box around `at` has the joints in a corner. On the way there is no Type 2, and the pose ends in a set about
+        a polynomial. Another pose in it would hold the end of some rod at a distance E, with r.e = -|e|^2/(2 L) for
+        every rod, so that E <= rate (E^2/(2 rod) + E^2/(2 radius)), rate from A^-1: the set is too small for that.
         """
-        drives, _path, rod = asked
-        if not (abs(det) > 0.0 and rod > 0.0):
+        n, met = len(joints), reached(at, self.rods_of(at, tuple([abs(way) for way in ahead]), 0.0))
+        if met is None or not met.type2 > 0.0:
             return None
-        speeds = [
-            [hypot(vx - w * ay, vy + w * ax, *vz) / abs(det) for vx, vy, *vz, w in columns] for ax, ay in at.attachments
-        ]
-        turns = [abs(column[-1] / det) for column in columns]
-        rows, radius = [*speeds, turns], self.radius
-        w = [0.0] * (len(drives) + 1)
-        for _ in range(FIXED):
-            w = [WIDER * value for value in _right_sides(asked, radius, rows, w)]
-        twice = [2.0 * value for value in w]
-        if not all(map(le, _right_sides(asked, radius, rows, w), w)):
-            return None
-        if not all(map(lt, _right_sides(asked, radius, rows, twice), twice)):
-            return None
-        return [(cx, cy, e) for (cx, cy), e in zip(at.attachments, w, strict=False)], w[-1]
+        signs = [copysign(1.0, way) for way in ahead]
+        step, size = tuple([value_at(x, signs) for x in met.pose]), [aside(n, x) for x in met.pose]
+        found = self._closed(joints, _moved(at.pose, step), at)
+        off = [abs(there - here - way) for there, here, way in zip(found.pose, at.pose, step, strict=True)]
+        inside = [x <= most + CLOSURE_TOL_M for x, most in zip(off[:-1], size[:-1], strict=True)]
+        inside.append(off[-1] <= size[-1] + CLOSURE_TOL_M / self.radius)
+        apart = 2.0 * (norm(*size[:-1]) + self.radius * size[-1])
+        rate = sum(found.parts[:n], 0.0) + self.radius * sum(found.parts[n : 2 * n], 0.0)
+        alone = apart * rate * (0.5 / rod + 0.5 / self.radius) < abs(found.det)
+        return found if alone and all(inside) and found.residual <= CLOSURE_TOL_M else None
 
     def _misfit(self, rods: Sequence[tuple[float, float, float]], pose: Floats) -> list[float]:
         """rod length - |C_iB_i|, m."""
@@ -314,16 +301,6 @@ class BranchedPlatform(TurningPlatform):
             legs.attachments,
             (*moves, *[abs(column[-1]) for column in columns], *legs.closure),
         )
-
-
-def _right_sides(asked: Travel, radius: float, rows: Sequence[Sequence[float]], z: Sequence[float]) -> list[float]:
-    """phi(z) of `_held`. rows: U, and below it how far the platform turns when one leg yields."""
-    drives, path, rod = asked
-    *ends, t = z
-    bend = 0.5 * radius * t * t
-    moved = [e + bend + path for e in ends]
-    b = [drive + a * a / (2.0 * rod) + bend for drive, a in zip(drives, moved, strict=True)]
-    return [sum(map(mul, row, b), 0.0) for row in rows]
 
 
 @lru_cache(maxsize=1)
