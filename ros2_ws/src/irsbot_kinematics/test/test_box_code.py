@@ -8,7 +8,7 @@ import struct
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from math import inf, nan
 from pathlib import Path
 from typing import Any
@@ -30,11 +30,21 @@ FLOATS = st.floats(allow_nan=True, allow_infinity=True) | st.sampled_from([0.0, 
 MODULE = (sys.executable, "-m", "irsbot_kinematics.machine_code")
 
 
-def code_of(shape: tuple[int, int, int]) -> BoxCode:
-    """The code that the set-up has made, or a new one."""
-    if not library_for(*shape).is_file():
-        make(shape)
+@pytest.fixture(scope="module", autouse=True)
+def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """The code that the set-up has made, or new one."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("IRSBOT_PLAIN", raising=False)
+        if not all(library_for(*shape).is_file() for shape in SHAPES):
+            patch.setenv("IRSBOT_CACHE", str(tmp_path_factory.mktemp("cache")))
+            for shape in SHAPES:
+                make(shape)
         code_for.cache_clear()
+        yield
+    code_for.cache_clear()
+
+
+def code_of(shape: tuple[int, int, int]) -> BoxCode:
     code = code_for(*shape)
     assert code is not None
     return code
@@ -133,7 +143,6 @@ def test_another_number_of_values_is_left_to_python(more: int) -> None:
 
 
 def test_plain_python_is_selected_by_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
-    code_of(SHAPES[0])
     monkeypatch.setenv("IRSBOT_PLAIN", "1")
     assert code_for.__wrapped__(*SHAPES[0]) is None
 
