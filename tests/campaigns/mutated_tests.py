@@ -71,6 +71,7 @@ ALL_KINDS = ("five_bar", "orthoglide", "rrr3", "rpr3", "ruu4")
 
 BOUNDS: dict[str, tuple[str, ...]] = {
     "displacement": ("displacement_inequalities", "bounds_derived", "displacement", "geometry_errors"),
+    "box_code": ("box_code",),
     "boxes": ("box_rods", "boxes", "geometry_errors"),
     "quadratics": ("quadratics", "box_rods", "boxes"),
     "cubics": ("cubics", "box_rods", "boxes"),
@@ -116,7 +117,15 @@ def tests_of(module: str) -> tuple[list[str], str]:
     if package == "irsbot_supervisor":
         return [SUPERVISOR.format(test) for test in CORE.get(name, ESTIMATION)], ""
     if folder == "bounds":
-        own = ("displacement", "box_rods", "quadratics", "bounds_of_many", "bounds_derived", "type2_over_box")
+        own = (
+            "displacement",
+            "box_code",
+            "box_rods",
+            "quadratics",
+            "bounds_of_many",
+            "bounds_derived",
+            "type2_over_box",
+        )
         return [KINEMATICS.format(test) for test in BOUNDS[name]], " or ".join(
             [*ALL_KINDS, *(f"test_{test}" for test in own)]
         )
