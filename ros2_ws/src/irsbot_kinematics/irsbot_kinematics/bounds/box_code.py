@@ -15,7 +15,6 @@ from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
 
-from irsbot_kinematics.bounds.quadratics import numbers
 from irsbot_kinematics.cache import cache_folder
 from irsbot_kinematics.compiled import SWITCH
 
@@ -28,6 +27,9 @@ SOURCES = (
     *(f"machine_code/{name}.py" for name in ("__main__", "box_source", "branching", "source", "symbols")),
 )
 """Modules whose change makes the machine code outdated."""
+
+FOUND, NOTHING, UNKNOWN = 0, 1, 2
+"""What the code returns: bounds, the knowledge that there are none, or nothing at all."""
 
 BoxCode = Callable[[Sequence[float]], "list[float] | None"]
 """From `boxes.numbers_of`: the numbers of the result, None if there is none, or nothing where Python has to answer."""
@@ -46,29 +48,28 @@ def code_for(rods: int, dims: int, rows: int) -> BoxCode | None:
         return None
     try:
         library = ctypes.PyDLL(str(file))
-        reproduced = library.is_reproduced()
-    except (OSError, AttributeError) as error:
+        reproduced, code = library.is_reproduced(), _called(library)
+    except (OSError, AttributeError, ValueError) as error:
         warnings.warn(f"{file} cannot be used ({error}), plain Python runs: delete it", stacklevel=2)
         return None
     if not reproduced:
         warnings.warn(f"{file} has other results on this machine, plain Python runs: delete it", stacklevel=2)
         return None
-    return _called(library, rods, dims, rows)
+    return code
 
 
-def _called(library: ctypes.PyDLL, rods: int, dims: int, rows: int) -> BoxCode:
+def _called(library: ctypes.PyDLL) -> BoxCode:
     reached = library.reached
-    given = rods * (rows + (2 if rows > dims else 0) + 5 + 3 * dims + 1) + 1
-    inputs = ctypes.c_double * given  # fewer would be taken as zeros
-    results = ctypes.c_double * (1 + (rows + rods * dims) * numbers(rods, rows) + rods)
+    given, width = [ctypes.c_int.in_dll(library, name).value for name in ("given", "width")]
+    inputs, results = ctypes.c_double * given, ctypes.c_double * width
 
     def code(values: Sequence[float]) -> list[float] | None:
-        if len(values) != given:
+        if len(values) != given:  # fewer would be taken as zeros
             return []
         out = results()
         status = reached(inputs(*values), out)
-        if status:
-            return None if status == 1 else []
+        if status != FOUND:
+            return None if status == NOTHING else []
         found: list[float] = out[:]
         return found
 

@@ -18,6 +18,7 @@ from string import Template
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
+from irsbot_kinematics.bounds.box_code import FOUND, NOTHING, UNKNOWN
 from irsbot_kinematics.machine_code.branching import (
     Branch,
     Comparison,
@@ -35,9 +36,6 @@ ROOT = Path(__file__).parent.parent
 PACKAGE = "irsbot_kinematics"
 EQUATIONS = ("statics", "bounds.quadratics", "bounds.cubics", "bounds.type2_over_box", "bounds.boxes")
 """Modules that run on recording numbers."""
-
-FOUND, NOTHING, UNKNOWN = 0, 1, 2
-"""What the code returns: bounds, the knowledge that there are none, or nothing at all."""
 
 CODE = Template("""\
 #include <math.h>
@@ -108,6 +106,7 @@ known:
 
 const double example[] = { $example };
 const double expected[] = { $expected };
+const int given = $given, width = $width;
 
 /* 1 if the example gives the same bits on this machine. */
 int is_reproduced(void)
@@ -150,6 +149,7 @@ def c_source(shape: Shape) -> str:
         operations="\n    ".join(lines),
         type2=operand(stated(found.type2)),
         results="\n    ".join(f"out[{k}] = {operand(stated(one))};" for k, one in enumerate(results) if k),
+        given=len(example),
         width=len(results),
         FOUND=FOUND,
         example=", ".join(map(float.hex, example)),

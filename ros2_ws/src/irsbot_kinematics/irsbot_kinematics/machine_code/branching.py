@@ -7,6 +7,7 @@ first comparisons and ends at the next one: with both answers to it, all ways th
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
@@ -40,7 +41,7 @@ class Undecided(Exception):
         self.guard = guard
 
 
-class Recorder(Program):
+class Recorder(Program, ABC):
     """A program of numbers that may be compared."""
 
     def input(self, name: str) -> Number:
@@ -51,9 +52,9 @@ class Recorder(Program):
         """The result of an operation."""
         return Number(self, super().value(name, *operands).name)
 
+    @abstractmethod
     def decided(self, comparisons: tuple[Comparison, ...]) -> bool:
         """The answer to comparisons: are they all true?"""
-        raise NotImplementedError
 
 
 class Trace(Recorder):
