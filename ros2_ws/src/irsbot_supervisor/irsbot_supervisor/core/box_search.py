@@ -16,7 +16,7 @@ from typing import NamedTuple
 from irsbot_kinematics import CertifiedBounds, Mechanism, Posture
 from irsbot_msgs_py.records import Floats
 from irsbot_supervisor.core.assessment import SOLVED
-from irsbot_supervisor.core.margins import Margins, least_of, margins_of, slopes
+from irsbot_supervisor.core.margins import Margins, least_of, margins_of, neighbours, slopes_among
 
 LEAST_LEVER = 0.05
 """1: least lever of a joint, as a share of the robot's length, that the choice of a cut uses."""
@@ -58,6 +58,7 @@ class Search:
         self._half = tuple([0.5 * (b - a) for a, b in zip(low, high, strict=True)])
         self._boxes: list[Box] = []
         self._at = near  # in the middle, once that is known
+        self._around: list[tuple[Posture, Posture]] = []  # neighbours of the middle, once a descent needs them
         self._met: Margins = (inf,) * 4  # smallest margins of all postures that have been looked at
         self._looked: set[int] = set()  # margins whose descent has been followed to a corner
         self._nothing = False
@@ -131,7 +132,8 @@ class Search:
         """Evaluate the corner to which a margin decreases from the middle: a goal that fails there need not be
         tried."""
         self._looked.add(kind)
-        ways = zip(self._middle, self._half, slopes(self._mechanism, self._at, kind), strict=True)
+        self._around = self._around or neighbours(self._mechanism, self._at)
+        ways = zip(self._middle, self._half, slopes_among(self._around, self._at, kind), strict=True)
         self._see(self._mechanism.track(tuple([q - copysign(half, slope) for q, half, slope in ways]), self._at))
 
     def _see(self, at: Posture) -> bool:

@@ -95,4 +95,9 @@ def gradient(
 
 def slopes(mechanism: Mechanism, at: Posture, kind: int) -> Floats:
     """Gradient of a margin with respect to the joints, 1/rad or 1/m. It falls towards where there is no posture."""
-    return gradient(lambda posture: margins_of(posture)[kind], at, neighbours(mechanism, at), 0.0)
+    return slopes_among(neighbours(mechanism, at), at, kind)
+
+
+def slopes_among(around: list[tuple[Posture, Posture]], at: Posture, kind: int) -> Floats:
+    """The same from the `neighbours`, which serve all margins."""
+    return gradient(lambda posture: margins_of(posture)[kind], at, around, 0.0)
