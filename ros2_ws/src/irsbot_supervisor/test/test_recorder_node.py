@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -110,11 +111,12 @@ class Scene:
         _, printed = self._process.communicate(timeout=PATIENCE_S)
         return self._process.returncode, printed
 
-    def recorded(self) -> list[int]:
-        """The numbers of the recorded samples."""
+    def recorded(self, has_end: bool = True) -> list[int]:
+        """The numbers of the recorded samples. has_end: False if the record may be missing with
+        which messages end."""
         with Bag(self.bag) as opened:
             numbers = [entry.record.stamp_ns for entry in opened.records("joint_states")]
-            assert not opened.loss
+            assert not (opened.loss if has_end else replace(opened.loss, cut=False))
         return numbers
 
     def close(self) -> None:
@@ -257,7 +259,7 @@ def test_a_write_that_fails_ends_the_recording_with_a_readable_bag(scene: Scene)
     code, printed = scene.end()
     assert code == 1
     assert "cannot write" in printed
-    numbers = scene.recorded()
+    numbers = scene.recorded(has_end=False)  # the last chunk may leave no room for one more record
     assert 100 < len(numbers) < 1500
     assert numbers == list(range(len(numbers)))
 
