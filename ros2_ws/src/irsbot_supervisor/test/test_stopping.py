@@ -397,7 +397,8 @@ def test_halves_become_one_again_where_no_cut_was_needed(name: str) -> None:
 def test_a_box_that_grows_is_proved_longer_than_one_that_comes_at_once(name: str) -> None:
     """With the same work for each. A limit lies between what the cuts of one sample prove, and twice as many."""
     settings, robot = shipped(name)
-    counted, cuts, proved, tried = Counted(robot.mechanism), CUTS_OF_A_SAMPLE, 0, 0
+    counted, cuts, proved, tried = Counted(robot.mechanism), 12, 0, 0
+    settings = with_time_for(settings, cuts)
     for at in postures(name, 8, least=0.2):
         search, box, goal = search_near(name, at)
         before, after = ((search.proves(goal, number), search.certified)[1] for number in (cuts, 2 * cuts))
