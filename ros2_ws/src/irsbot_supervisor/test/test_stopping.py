@@ -16,7 +16,7 @@ import irsbot_kinematics as irs
 from irsbot_msgs_py.records import Floats
 from irsbot_supervisor.core.box_search import BoxBounds, Part, Search, spare_of
 from irsbot_supervisor.core.estimation.estimate import Speeds
-from irsbot_supervisor.core.margins import margins_of
+from irsbot_supervisor.core.margins import PROBE, margins_of
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.core.stopping import CUTS_OF_A_SAMPLE, StoppingPredictor, limits_of, raised, wider
 from irsbot_supervisor.validation.harness.oracle import good_postures, joint_ranges, margins, margins_along, supervised
@@ -391,6 +391,21 @@ def test_halves_become_one_again_where_no_cut_was_needed(name: str) -> None:
             assert len(fewer) == len(parts) - 1
             parts, less = fewer, less + 1
     assert less >= 10, "nothing was cut: the fixture proves nothing"
+
+
+@pytest.mark.parametrize("name", ["irsbot2", "ruu4"])
+def test_the_neighbours_of_the_middle_are_solved_once_for_all_margins_that_descend_from_there(name: str) -> None:
+    robot, most = shipped(name)[1], 0
+    for at in postures(name, least=0.2):
+        _search, (low, high), goal = search_near(name, at)
+        counted = Counted(robot.mechanism)
+        BoxBounds(counted, 0.0).search(at, low, high).proves(goal, 12)
+        ways = np.abs(np.array(counted.followed) - counted.followed[0])  # the middle comes first
+        neighbours = np.isclose(np.sort(ways), [0.0] * (len(low) - 1) + [PROBE], rtol=0.0, atol=1e-12).all(axis=1)
+        corners = np.isclose(ways, TO_BE_CUT[name], rtol=0.0, atol=1e-12).all(axis=1)
+        assert neighbours.sum() == (2 * len(low) if corners.any() else 0)
+        most = max(most, corners.sum())
+    assert most >= 2, "never more than one margin descended: the fixture proves nothing"
 
 
 @pytest.mark.parametrize("name", ["irsbot2", "rrr3", "rrr3_base"])

@@ -8,10 +8,11 @@ import irsbot_kinematics as irs
 
 
 class Counted:
-    """A mechanism that counts the boxes that are bounded."""
+    """A mechanism that counts the boxes that are bounded, and keeps the joint positions to which it was followed."""
 
     def __init__(self, mechanism: irs.Mechanism) -> None:
         self._mechanism, self.boxes = mechanism, 0
+        self.followed: list[tuple[float, ...]] = []
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._mechanism, name)
@@ -19,3 +20,7 @@ class Counted:
     def certified_bounds(self, *args: Any) -> irs.CertifiedBounds:
         self.boxes += 1
         return self._mechanism.certified_bounds(*args)
+
+    def track(self, joints: tuple[float, ...], previous: irs.Posture) -> irs.Posture:
+        self.followed.append(joints)
+        return self._mechanism.track(joints, previous)
