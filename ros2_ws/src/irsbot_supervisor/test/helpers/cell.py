@@ -42,9 +42,10 @@ LAZY = {"acceleration_limit": [10.0]}
 """rad/s2: where drives that speed up slowly can get while a busy machine is late with samples is little, so that being
 late stops no robot."""
 
-STANDS = {"acceleration_limit": [0.1]}
-"""rad/s2: free drives that speed up so slowly do not get from GOOD to Type 2 in a silence of 4 s. For robots that only
-stand, as drives that move need more."""
+STANDS = {"acceleration_limit": [0.1], "velocity_limit": [0.1]}
+"""rad/s2, rad/s: free drives that are so slow do not get from GOOD to Type 2 in a silence of 4 s, even if it begins
+with the first sample after another one, when no speed is known. For robots that only stand, as drives that move need
+more."""
 
 NAMES = ("joint_1", "joint_2")
 ROBOT = make_robot("irsbot2")
