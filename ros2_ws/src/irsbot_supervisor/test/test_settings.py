@@ -18,7 +18,7 @@ from irsbot_supervisor.configuration.feasibility import settings_from
 from irsbot_supervisor.configuration.loading import read_settings, read_values, robot_of, shipped_values
 from irsbot_supervisor.core.margins import MARGIN_NAMES
 from irsbot_supervisor.core.settings import InvalidSettings, Settings
-from irsbot_supervisor.core.stopping import CUTS_OF_A_SAMPLE, cuts_of
+from irsbot_supervisor.core.stopping import cuts_of
 
 NUMBERS = [entry for entry in fields(Settings) if "low" in entry.metadata]
 SINGLE = [entry for entry in NUMBERS if not entry.metadata.get("each_joint")]
@@ -178,14 +178,14 @@ def test_no_time_for_a_sample_without_cuts_is_refused_with_both_numbers():
 @pytest.mark.parametrize("steps", [7, 14, 19, 33, 123])
 def test_the_time_for_cuts_is_exact_in_decimal_fractions(steps):
     """0.00042 s is three times 0.00014 s, also where their nearest numbers are not."""
-    for cuts in (0, 1, 5, 12, CUTS_OF_A_SAMPLE):
+    for cuts in (0, 1, 5, 12):
         most = (3 + 2 * cuts) * steps
-        enough = settings_of(bounding_s=steps / 1e5, judging_s=most / 1e5, stale_s=1.0)[0]
+        enough = settings_of(bounding_s=steps / 1e5, judging_s=most / 1e5)[0]
         assert cuts_of(enough) == cuts
         if cuts:
             assert cuts_of(replace(enough, judging_s=(most - 1) / 1e5)) == cuts - 1
-    assert cuts_of(replace(enough, judging_s=2.0 * enough.judging_s)) == CUTS_OF_A_SAMPLE, "more time, no more cuts"
-    assert cuts_of(settings_of()[0]) == CUTS_OF_A_SAMPLE, "without a stated time of a box every cut counts"
+    assert cuts_of(replace(enough, judging_s=0.05)) == 12, "more time is for no more cuts"
+    assert cuts_of(settings_of()[0]) == 12, "without a stated time of a box every cut counts"
 
 
 def test_a_heartbeat_slower_than_the_limit_of_staleness_is_refused_with_both_numbers():

@@ -412,8 +412,7 @@ def test_the_neighbours_of_the_middle_are_solved_once_for_all_margins_that_desce
 def test_a_box_that_grows_is_proved_longer_than_one_that_comes_at_once(name: str) -> None:
     """With the same work for each. A limit lies between what the cuts of one sample prove, and twice as many."""
     settings, robot = shipped(name)
-    counted, cuts, proved, tried = Counted(robot.mechanism), 12, 0, 0
-    settings = with_time_for(settings, cuts)
+    counted, cuts, proved, tried = Counted(robot.mechanism), CUTS_OF_A_SAMPLE, 0, 0
     for at in postures(name, 8, least=0.2):
         search, box, goal = search_near(name, at)
         before, after = ((search.proves(goal, number), search.certified)[1] for number in (cuts, 2 * cuts))

@@ -259,7 +259,7 @@ def test_a_moving_robot_is_not_sent_where_it_cannot_turn_to():
 
 
 @pytest.mark.parametrize("points", [1, 40])
-@pytest.mark.parametrize(("seconds", "outcome"), [(0.2, GateOutcome.SLOWED), (1.0, GateOutcome.SHORTENED)])
+@pytest.mark.parametrize(("seconds", "outcome"), [(0.3, GateOutcome.SLOWED), (1.0, GateOutcome.SHORTENED)])
 def test_what_a_moving_robot_drives_is_what_was_certified(seconds, outcome, points):
     """A controller begins with the present velocity, however slow the points are that it gets."""
     supervisor = supervisor_of("irsbot2")

@@ -8,7 +8,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from counted import Counted
 from supervised import joints_of, ready, settings_of, tick
 
 import irsbot_kinematics as irs
@@ -18,9 +17,9 @@ from irsbot_supervisor.core.estimation.estimate import Speeds
 from irsbot_supervisor.core.estimation.observer import excess
 from irsbot_supervisor.core.margins import margins_of, slopes
 from irsbot_supervisor.core.settings import Settings
-from irsbot_supervisor.core.stopping import StoppingPredictor, cuts_of, limits_of, release_of
+from irsbot_supervisor.core.stopping import StoppingPredictor, limits_of, release_of
 from irsbot_supervisor.gate.answer import PASSED, Answer
-from irsbot_supervisor.gate.velocity_gate import PREDICTIONS, Gate
+from irsbot_supervisor.gate.velocity_gate import Gate
 from irsbot_supervisor.sim.closed_loop import GuidedRobot
 
 pytestmark = pytest.mark.slow
@@ -131,23 +130,6 @@ def causes(guided: GuidedRobot) -> list[int]:
 
 
 # --- velocities -------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", ["irsbot2", "rrr3"])
-def test_the_predictions_of_one_call_have_the_cuts_of_one_sample_together(name):
-    """Each has a first look and a whole box besides, and every cut makes two boxes."""
-    settings, robot = settings_of(name)
-    counted, cuts, most = Counted(robot.mechanism), cuts_of(settings), 0
-    for seed in range(8):
-        guided = standing(name, good_posture(name, seed))
-        gate, rng = Gate(settings, counted), np.random.default_rng(seed)
-        rates = tuple((np.array(settings.velocity_limit) * rng.choice([-1.0, 1.0], len(counted.joints))).tolist())
-        for _ in range(10):
-            counted.boxes = 0
-            guided.rush(gate.velocity(rates, guided.supervisor.view).rates)
-            most = max(most, counted.boxes)
-    assert most <= 2 * (1 + PREDICTIONS) + 2 * cuts
-    assert most > 2 * (2 + 2 * cuts // (1 + PREDICTIONS)), "never more than two need their cuts: the run proves nothing"
 
 
 def test_a_velocity_far_from_every_limit_passes_as_it_is():

@@ -24,13 +24,12 @@ from irsbot_supervisor.core.estimation.estimate import Speeds
 from irsbot_supervisor.core.estimation.sample_interval import SETTLING
 from irsbot_supervisor.core.margins import margins_of
 from irsbot_supervisor.core.settings import Settings, time_for_cuts
-from irsbot_supervisor.core.stopping import CUTS_OF_A_SAMPLE
 from irsbot_supervisor.core.supervisor import Supervisor
 
 REPETITIONS = 5
 """Number of times that work is done; the fastest counts, which excludes other work of the computer."""
 
-TRIED = (0, 1, 2, 4, 12, CUTS_OF_A_SAMPLE)
+TRIED = (0, 1, 2, 4, 8, 12)
 """Numbers of cuts that are tried."""
 
 PLACES = 8

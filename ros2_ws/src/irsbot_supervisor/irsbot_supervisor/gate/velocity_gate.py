@@ -25,7 +25,7 @@ from irsbot_supervisor.core.margins import MARGIN_CAUSES, Margins, margins_of, s
 from irsbot_supervisor.core.position_limits import PositionLimits
 from irsbot_supervisor.core.reachable_box import position_error
 from irsbot_supervisor.core.settings import Settings
-from irsbot_supervisor.core.stopping import StoppingPredictor, cuts_of, limits_of, raised, release_of
+from irsbot_supervisor.core.stopping import StoppingPredictor, limits_of, raised, release_of
 from irsbot_supervisor.core.view import View
 from irsbot_supervisor.gate.answer import PASSED, Answer, held
 from irsbot_supervisor.gate.shares import WHOLE, Shares
@@ -39,8 +39,7 @@ DIP = 0.002
 slightly below the margins; in boxes around eighths of a slow path, by less than this."""
 
 PREDICTIONS = 3
-"""Largest number of shares of a command that are tried in one call. With the prediction at rest they have the cuts of
-one sample together, because the next sample waits."""
+"""Largest number of shares of a command that are tried in one call: each may take as long as the worst sample."""
 
 NOTHING_GAINED: Margins = (-inf, -inf, -inf, -inf)
 """Margins to keep on a way out that has not begun."""
@@ -87,7 +86,6 @@ class Gate:
         """Take in new limits; the progress of a way out is kept."""
         self._settings = settings
         self._predictor = StoppingPredictor(settings, self._mechanism)
-        self._predictor.allow(cuts_of(settings) // (1 + PREDICTIONS))
         self._speed = settings.velocity_limit
         self._share = settings.recovery_share
         self._beat_s, self._latency_s = settings.heartbeat_s, settings.latency_s
