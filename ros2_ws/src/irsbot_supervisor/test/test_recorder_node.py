@@ -112,8 +112,7 @@ class Scene:
         return self._process.returncode, printed
 
     def recorded(self, has_end: bool = True) -> list[int]:
-        """The numbers of the recorded samples. has_end: False if the record may be missing with
-        which messages end."""
+        """The numbers of the recorded samples. has_end: False if the record that ends the messages may be missing."""
         with Bag(self.bag) as opened:
             numbers = [entry.record.stamp_ns for entry in opened.records("joint_states")]
             assert not (opened.loss if has_end else replace(opened.loss, cut=False))

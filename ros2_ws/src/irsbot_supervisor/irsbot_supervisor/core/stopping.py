@@ -31,7 +31,8 @@ from irsbot_supervisor.core.settings import Settings, is_time_for
 
 CUTS_OF_A_SAMPLE = 12
 """Number of cuts for one sample in total, if its time is not limited. The robot moves during the computation: with 48
-no robot is stopped falsely, but a fast one is stopped much later in plain Python, as samples wait."""
+row `clean` had no false stop in 80,000 cases, but in plain Python a fast robot was stopped much later, as samples
+waited."""
 
 FOR_A_WARNING = 0.75
 """1: share of the cuts that the goal of no warning may use; the others are for the goal of no stop."""
