@@ -18,7 +18,7 @@ from supervised import settings_of
 import irsbot_kinematics as irs
 from irsbot_supervisor.cli.bench import bench
 from irsbot_supervisor.core.settings import Settings
-from irsbot_supervisor.core.stopping import CUTS_OF_A_SAMPLE, StoppingPredictor
+from irsbot_supervisor.core.stopping import CUTS_IF_CLEAR, CUTS_OF_A_SAMPLE, StoppingPredictor
 from irsbot_supervisor.fleet.version import code_version
 from irsbot_supervisor.sim.scenario_file import scenario_robots
 from irsbot_supervisor.validation.bench import history, loop_closure, noise, one_sample
@@ -312,7 +312,7 @@ def test_the_hardest_prediction_needs_every_cut(name: str, monkeypatch: pytest.M
     monkeypatch.setattr(one_sample, "StoppingPredictor", predictor)
     monkeypatch.setattr(one_sample.time, "perf_counter_ns", lambda: counted.boxes)
     boxes = one_sample.hardest_prediction(settings, robot, 40, 2)
-    assert 1 + 2 * CUTS_OF_A_SAMPLE <= boxes <= 3 + 2 * CUTS_OF_A_SAMPLE
+    assert 1 + 2 * CUTS_OF_A_SAMPLE <= boxes <= 3 + 2 * CUTS_IF_CLEAR
 
 
 def test_parts_without_processes_give_every_robot_the_batch_and_their_goals() -> None:

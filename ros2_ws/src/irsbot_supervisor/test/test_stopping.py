@@ -18,7 +18,15 @@ from irsbot_supervisor.core.box_search import BoxBounds, Part, Search, spare_of
 from irsbot_supervisor.core.estimation.estimate import Speeds
 from irsbot_supervisor.core.margins import PROBE, margins_of
 from irsbot_supervisor.core.settings import Settings
-from irsbot_supervisor.core.stopping import CUTS_OF_A_SAMPLE, StoppingPredictor, limits_of, raised, wider
+from irsbot_supervisor.core.stopping import (
+    CUTS_IF_CLEAR,
+    CUTS_OF_A_SAMPLE,
+    Goal,
+    StoppingPredictor,
+    limits_of,
+    raised,
+    wider,
+)
 from irsbot_supervisor.validation.harness.oracle import good_postures, joint_ranges, margins, margins_along, supervised
 from irsbot_supervisor.validation.in_process.reachable import errors, reach
 
@@ -422,7 +430,8 @@ def test_a_box_that_grows_is_proved_longer_than_one_that_comes_at_once(name: str
             continue
         kinds = ("type1", "type2", "constraint", "limb")
         low = {f"{other}_{end}": 1e-6 for other in kinds for end in ("stop", "warn")}
-        changed = replace(settings, hysteresis=0.0, **low | {f"{kinds[kind]}_{end}": limit for end in ("stop", "warn")})
+        limits = low | {f"{kinds[kind]}_{end}": limit for end in ("stop", "warn")}
+        changed = replace(with_time_for(settings, cuts), hysteresis=0.0, **limits)
         predictor, stop, ends = StoppingPredictor(changed, counted), limits_of(changed, "stop"), box
         count = settings.encoder_resolution
         for size in np.linspace(0.5, 1.0, 30):
@@ -437,6 +446,44 @@ def test_a_box_that_grows_is_proved_longer_than_one_that_comes_at_once(name: str
         proved += grown and not at_once
     assert tried >= 3, "one sample is always enough: the fixture proves nothing"
     assert proved >= 0.5 * tried
+
+
+@pytest.mark.parametrize("name", ["irsbot2", "rrr3", "rrr3_base"])
+def test_where_no_limit_is_near_a_false_stop_is_worth_more_cuts(name: str) -> None:
+    """A stop limit that the cuts of one sample do not prove, though everything met in the box keeps 1.25 times as
+    much."""
+    (settings, robot), tried, proved = shipped(name), 0, 0
+    counted, no_limits = Counted(robot.mechanism), {f"{kind}_stop": 1e-6 for kind in ("type1", "type2", "constraint")}
+    for at in postures(name, 16, least=0.2):
+        _search, box, goal = search_near(name, at)
+        for kind, least in zip(("type1", "type2"), goal[:2], strict=True):
+            limit = least / 1.25
+            changed = replace(settings, **no_limits | {f"{kind}_stop": limit, f"{kind}_warn": 1.0})
+            predictor, stop = StoppingPredictor(changed, counted), limits_of(changed, "stop")
+            hasty = StoppingPredictor(with_time_for(changed, CUTS_OF_A_SAMPLE), robot.mechanism)
+            if limit < 0.01 or spare_of(hasty.renew(at, *box).certified, stop) >= 0.0:
+                continue
+            counted.boxes = 0
+            proved += spare_of(predictor.renew(at, *box).certified, stop) >= 0.0
+            tried += 1
+            assert 2 * CUTS_OF_A_SAMPLE < counted.boxes <= 3 + 2 * CUTS_IF_CLEAR
+    assert tried >= 3, "the cuts of one sample are always enough: the fixture proves nothing"
+    assert proved >= 0.8 * tried
+
+
+@pytest.mark.parametrize("name", ["irsbot2", "orthoglide", "rrr3"])
+def test_a_goal_has_more_cuts_only_if_all_that_was_looked_at_is_clear(name: str) -> None:
+    """The middle of the box is looked at first."""
+    mechanism, longer = shipped(name)[1].mechanism, 0
+    for at in postures(name, 8, least=0.2):
+        _search, box, goal = search_near(name, at)
+        above_the_middle = tuple(margin + 1e-9 for margin in margins_of(at))
+        near, clear = BoxBounds(mechanism, 0.0).search(at, *box), BoxBounds(mechanism, 0.0).search(at, *box)
+        assert not Goal(goal, 2, above_the_middle, 20).is_proved_by(near) or near.cuts <= 2
+        assert Goal(goal, 2, (-inf,) * 4, 20).is_proved_by(clear) or clear.cuts == 20
+        assert near.cuts <= 2
+        longer += clear.cuts > 2
+    assert longer >= 4, "two cuts are always enough: the fixture proves nothing"
 
 
 def test_new_settings_discard_proved_bounds():

@@ -19,13 +19,13 @@ from irsbot_kinematics.mechanism import Coordinate, Floats
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.configuration.stoppable_speed import candidates, postures
 from irsbot_supervisor.core.assessment import SOLVED
-from irsbot_supervisor.core.box_search import BoxBounds, spare_of
+from irsbot_supervisor.core.box_search import BoxBounds
 from irsbot_supervisor.core.estimation.estimate import Speeds
 from irsbot_supervisor.core.estimation.observer import Observer
 from irsbot_supervisor.core.estimation.sample_interval import judging_time
 from irsbot_supervisor.core.reachable_box import ReachableBox
 from irsbot_supervisor.core.settings import Settings
-from irsbot_supervisor.core.stopping import cuts_of, limits_of
+from irsbot_supervisor.core.stopping import cuts_of, goals_of, limits_of
 
 POSTURES = 200
 """Number of postures above the stop limits in which the robot rests: their share is exact within a few per cent."""
@@ -145,9 +145,9 @@ def _farthest(mechanism: Mechanism, at: Posture, ways: Floats) -> float:
 def stopped_at_rest(settings: Settings, mechanism: Mechanism, places: Sequence[Posture], ways: Floats) -> float:
     """Share of postures around which a box cannot be certified with the supervisor's number of cuts. ways: half extents
     of the box, rad or m."""
-    bounds, stop, cuts = BoxBounds(mechanism, settings.slack_m), limits_of(settings, "stop"), cuts_of(settings)
+    bounds, (_, no_stop) = BoxBounds(mechanism, settings.slack_m), goals_of(settings, cuts_of(settings))
     lost = 0
     for at in places:
         low, high = box_around(at, ways)
-        lost += not spare_of(bounds.least(at, low, high, stop, cuts), stop) >= 0.0
+        lost += not no_stop.is_proved_by(bounds.search(at, low, high))
     return lost / len(places) if places else 1.0

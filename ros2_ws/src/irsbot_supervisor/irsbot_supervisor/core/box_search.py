@@ -94,6 +94,10 @@ class Search:
                 self._cut(worst, wanted)
         return False
 
+    def keeps(self, limits: Margins) -> bool:
+        """True if all postures that have been looked at have these margins at least."""
+        return not self._nothing and spare_of(self._met, limits) >= 0.0
+
     def parts(self, goal: Margins, most: int) -> tuple[Part, ...]:
         """Parts for the next search, at most so many, and one less than now if no cut was needed. Of two halves that
         become one again, the worse has as much to spare as possible."""

@@ -19,6 +19,7 @@ from irsbot_supervisor.core.box_search import (
     WHOLE,
     BoxBounds,
     Part,
+    Search,
     largest_margins,
     nothing_of,
     smallest_margins,
@@ -30,9 +31,15 @@ from irsbot_supervisor.core.reachable_box import ReachableBox
 from irsbot_supervisor.core.settings import Settings, is_time_for
 
 CUTS_OF_A_SAMPLE = 12
-"""Number of cuts for one sample in total, if its time is not limited. The robot moves during the computation: with 48
-row `clean` had no false stop in 80,000 cases, but in plain Python a fast robot was stopped much later, as samples
-waited."""
+"""Number of cuts for one sample in total, if its time is not limited: the robot moves during the computation."""
+
+CUTS_IF_CLEAR = 48
+"""The same where no posture that was looked at comes near the limits. A stop would be false there, so it is worth more
+time; near a limit a stop is due soon, and more cuts would only delay it."""
+
+CLEAR_OF_STOP, CLEAR_OF_WARNING = 1.2, 1.5
+"""1: multiples of the stop and warning limits. If all margins within reach keep them, a stop or a warning is false: row
+`clean` of the faults, which has its own copy, because an oracle does not ask whom it judges."""
 
 FOR_A_WARNING = 0.75
 """1: share of the cuts that the goal of no warning may use; the others are for the goal of no stop."""
@@ -71,6 +78,20 @@ class Known(NamedTuple):
         )
 
 
+class Goal(NamedTuple):
+    """What bounds over a box are to prove, and with how many cuts in total."""
+
+    margins: Margins
+    cuts: int
+    clear: Margins  # if all postures that were looked at have these margins ..
+    more: int  # .. so many cuts
+
+    def is_proved_by(self, search: Search) -> bool:
+        """Improve bounds until they reach the goal; True if they do."""
+        proved = search.proves(self.margins, self.cuts)
+        return proved or (search.keeps(self.clear) and search.proves(self.margins, self.more))
+
+
 class StoppingPredictor:
     """Certified margins of one robot until it stands, under given settings."""
 
@@ -79,8 +100,8 @@ class StoppingPredictor:
         self._latency = settings.latency_s
         self._bounds = BoxBounds(mechanism, settings.slack_m)
         self._box = ReachableBox(settings)
+        self._settings = settings
         self._flicker = (settings.encoder_resolution,) * len(mechanism.joints)  # rad or m, of a resting joint
-        self._goals = release_of(settings), limits_of(settings, "stop")
         self.known: Known | None = None  # the last box
         self.in_vain: Known | None = None  # a wider box whose proof failed
         self.allow(PATIENT_CUTS if patient else cuts_of(settings))
@@ -88,8 +109,7 @@ class StoppingPredictor:
 
     def allow(self, cuts: int) -> None:
         """Set the number of cuts for one sample. Bounds that were found with another number are forgotten."""
-        warn, stop = self._goals
-        self._cuts, self._usual = cuts, ((warn, int(FOR_A_WARNING * cuts)), (stop, cuts))
+        self._cuts, self._goals = cuts, goals_of(self._settings, cuts)
         self.known = self.in_vain = None
 
     def predict(
@@ -118,7 +138,7 @@ class StoppingPredictor:
             forward, backward = list(map(add, forward, moved[1])), list(map(sub, backward, moved[0]))
         half = tuple([max(ahead, back) for ahead, back in zip(forward, backward, strict=True)])
         certified = self._bounds.around(at, half)
-        if not search or spare_of(certified, self._usual[0][0] if wanted is None else wanted) >= 0.0:
+        if not search or spare_of(certified, self._goals[0].margins if wanted is None else wanted) >= 0.0:
             return certified
         low = tuple([q - way for q, way in zip(at.joints, backward, strict=True)])
         high = tuple([q + way for q, way in zip(at.joints, forward, strict=True)])
@@ -137,18 +157,19 @@ class StoppingPredictor:
     def renew(self, at: Posture, low: Floats, high: Floats) -> Known:
         """Bound a reachable box that the last one does not serve, and keep its bounds for the next samples. A failed
         proof over the wider box is repeated, unless the box differs only by flicker."""
-        warn, cuts = self._usual[0][0], self._cuts
+        no_warning, no_stop = self._goals
         ends = wider(low, high, WIDER)
         wide = None if self.in_vain is not None and self.in_vain.serves(low, high) else self._bounds.search(at, *ends)
-        if wide is not None and wide.proves(warn, 0):
+        if wide is not None and wide.proves(no_warning.margins, 0):
             return self._keep(ends, wide.certified, _shares(low, high, SMALLER))
         here = tuple(map(sub, low, self._flicker)), tuple(map(add, high, self._flicker))
         search = self._bounds.search(at, *here, self._parts(low, high))
-        goal = next((goal for goal, most in self._usual if search.proves(goal, most)), None)
-        self._cut = here, search.parts(goal or self._usual[-1][0], 1 + int(KEPT * 2 * cuts))
-        share = SMALLER if goal == warn else HARDLY_SMALLER
+        goal = next((goal for goal in self._goals if goal.is_proved_by(search)), None)
+        most = self._cuts if goal is None else max(self._cuts, search.cuts)
+        self._cut = here, search.parts((goal or no_stop).margins, 1 + int(KEPT * 2 * most))
+        share = SMALLER if goal == no_warning else HARDLY_SMALLER
         if goal is not None and wide is not None:
-            if wide.proves(goal, cuts - search.cuts):
+            if wide.proves(goal.margins, self._cuts - search.cuts):
                 return self._keep(ends, wide.certified, _shares(low, high, share))
             self.in_vain = Known(*ends, wide.certified, _shares(low, high, HARDLY_SMALLER))
         return self._keep(here, search.certified, _shares(low, high, share))
@@ -204,6 +225,18 @@ def cuts_in(time_s: float, bounding_s: float) -> int:
     return sum(is_time_for(cuts, bounding_s, time_s) for cuts in range(1, CUTS_OF_A_SAMPLE + 1))
 
 
+def goals_of(settings: Settings, cuts: int) -> tuple[Goal, Goal]:
+    """No warning, and no stop, with so many cuts for one sample. More where no limit is near, unless the time of a
+    sample is limited."""
+    more = CUTS_IF_CLEAR if cuts == CUTS_OF_A_SAMPLE and settings.bounding_s == 0.0 else cuts
+    warn, stop = limits_of(settings, "warn"), limits_of(settings, "stop")
+    clear_of_warning, clear_of_stop = _multiple(CLEAR_OF_WARNING, warn), _multiple(CLEAR_OF_STOP, stop)
+    return (
+        Goal(release_of(settings), int(FOR_A_WARNING * cuts), clear_of_warning, int(FOR_A_WARNING * more)),
+        Goal(stop, cuts, clear_of_stop, more),
+    )
+
+
 def _shares(low: Floats, high: Floats, share: float) -> Floats:
     return tuple([share * (b - a) for a, b in zip(low, high, strict=True)])
 
@@ -220,6 +253,11 @@ def limits_of(settings: Settings, which: str) -> Margins:
     kinds = ("type1", "type2", "constraint", "limb")
     type1, type2, constraint, limb = (getattr(settings, f"{kind}_{which}") for kind in kinds)
     return type1, type2, constraint, limb
+
+
+def _multiple(factor: float, limits: Margins) -> Margins:
+    type1, type2, constraint, limb = limits
+    return factor * type1, factor * type2, factor * constraint, factor * limb
 
 
 def release_of(settings: Settings) -> Margins:
