@@ -145,6 +145,26 @@ def test_a_state_is_unknown_without_a_fault_of_the_supervisor_where_the_robot_pa
     assert (silence.PAUSED in found) == (fault == silence.PAUSED)
 
 
+@pytest.mark.parametrize(
+    ("faults", "tries"),
+    [
+        ([silence.SILENT] * 5, silence.TRIES),
+        ([silence.DEAF, silence.PAUSED] * 20, silence.BLIND_TRIES),
+        ([silence.DEAF] * 5 + [silence.SILENT, ""], 7),
+        (["refused", ""], 1),
+        ([""], 1),
+    ],
+)
+def test_what_says_nothing_of_the_supervisor_is_not_one_of_the_few_tries(
+    monkeypatch: pytest.MonkeyPatch, faults: list[str], tries: int
+) -> None:
+    coming = iter(faults)
+    monkeypatch.setattr(silence, "_case", lambda *_given: next(coming))
+    cell: Any = None  # nobody looks at it
+    assert silence._tried(cell, "an event", lambda _cell: "", [], tally()) == faults[tries - 1]
+    assert len(list(coming)) == len(faults) - tries
+
+
 # --- outages ----------------------------------------------------------------------------------------------------------
 
 

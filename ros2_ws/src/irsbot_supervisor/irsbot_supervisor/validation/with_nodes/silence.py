@@ -39,12 +39,13 @@ PAUSED = "the robot paused"
 RESTLESS = "ask while it stands"
 """In a refusal by a supervisor for which a robot that stands may have moved since the last sample."""
 
-TRIES, AGAIN = 3, (UNKNOWN, DEAF, SILENT, RESTLESS, PAUSED)
+TRIES, AGAIN = 3, (UNKNOWN, SILENT, RESTLESS)
 """Number of tries of a case, and the faults after which it is tried again: on a busy machine joint states may be
 late, and a supervisor may have no processor time. Its silence counts in the percentiles all the same."""
 
-PAUSES = 20
-"""Number of tries more in which the robot may pause: without joint states they say nothing of the supervisor."""
+BLIND_TRIES, BLIND = 20, (DEAF, PAUSED)
+"""Number of further tries, and the faults that say nothing of the supervisor: a listener without processor time misses
+verdicts, and a robot that pauses gives nothing to judge."""
 
 LOST = "verdicts that did not arrive"
 """Figure: lost verdicts. A publisher of latched verdicts keeps only the newest."""
@@ -60,14 +61,7 @@ def run(job: Job) -> Row:
                 for cause, provoke in CAUSES.items():
                     cell.turn = number
                     gaps = longest.setdefault(f"{name} {cause}", [])
-                    tries = pauses = 0
-                    while tries < TRIES and pauses < PAUSES:
-                        fault = _case(cell, cause, provoke, gaps, tally)
-                        pauses += PAUSED in fault
-                        tries += PAUSED not in fault
-                        if not any(word in fault for word in AGAIN):
-                            break
-                    tally.case(failed=fault)
+                    tally.case(failed=_tried(cell, cause, provoke, gaps, tally))
             code = cell.tester.suite.end("supervisor")
             tally.many(0, failed=code != 0, note="" if code == 0 else f"{name}: exit code {code}")
     measured = {kind: gaps for kind, gaps in longest.items() if gaps}
@@ -83,6 +77,20 @@ def run(job: Job) -> Row:
         late = len(gaps) >= JUDGED and not most <= LIMIT_S
         tally.many(0, failed=late, note=f"{cause}: {most * 1e3:.0f} ms without a verdict" if late else "")
     return tally.row()
+
+
+def _tried(cell: Cell, cause: str, provoke: Callable[[Cell], str], longest: list[float], tally: Tally) -> str:
+    """A case, tried again where that is worth it; returns the fault of the last try."""
+    tries, blind, fault = 0, 0, ""
+    while tries < TRIES and blind < BLIND_TRIES:
+        fault = _case(cell, cause, provoke, longest, tally)
+        if any(word in fault for word in BLIND):
+            blind += 1
+        elif any(word in fault for word in AGAIN):
+            tries += 1
+        else:
+            break
+    return fault
 
 
 def _case(cell: Cell, cause: str, provoke: Callable[[Cell], str], longest: list[float], tally: Tally) -> str:
