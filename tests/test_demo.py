@@ -74,15 +74,15 @@ def test_the_picture_is_drawn(demo: tuple[Path, str]) -> None:
 def test_a_stop_by_late_samples_before_the_work_is_reset(tmp_path: Path) -> None:
     """As on a busy machine, while the nodes start. The supervisor may hear the joints long after their first sample.
 
-    The higher constraint limits stop a resting robot for certain by samples that are so late, and never the work: its
-    margin may then fall to 0.095, whatever else is late.
+    The higher constraint limits stop a resting robot for certain by samples that are so late: on a grid over what it
+    can reach the margin falls to 0.117. The work needs no stop even with samples that are 20 ms late.
     """
     scenario, robot, folder = tmp_path / "late.yaml", tmp_path / "robot.yaml", tmp_path / "run"
     shipped = files("irsbot_supervisor")
     scenario.write_text("faults: latency:by=0.045,lasting=2.0\n" + (shipped / "scenarios" / "demo.yaml").read_text())
     settings = yaml.safe_load((shipped / "settings" / "irsbot2.yaml").read_text())
     del settings["robot"]
-    settings |= {"constraint_warn": 0.11, "constraint_stop": 0.1}
+    settings |= {"constraint_warn": 0.13, "constraint_stop": 0.12}
     geometry = yaml.safe_load((files("irsbot_kinematics") / "presets" / "irsbot2.yaml").read_text())
     robot.write_text(yaml.safe_dump(geometry | {"supervision": settings}))
     command = [*IRSBOT, "demo", "--scenario", str(scenario), "--robot", str(robot), "--seconds", "2"]
