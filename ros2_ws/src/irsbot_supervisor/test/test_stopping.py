@@ -479,9 +479,9 @@ def test_a_goal_has_more_cuts_only_if_all_that_was_looked_at_is_clear(name: str)
         _search, box, goal = search_near(name, at)
         above_the_middle = tuple(margin + 1e-9 for margin in margins_of(at))
         near, clear = BoxBounds(mechanism, 0.0).search(at, *box), BoxBounds(mechanism, 0.0).search(at, *box)
-        assert not Goal(goal, 2, above_the_middle, 20).is_proved_by(near) or near.cuts <= 2
-        assert Goal(goal, 2, (-inf,) * 4, 20).is_proved_by(clear) or clear.cuts == 20
+        Goal(goal, 2, above_the_middle, 20).is_proved_by(near)
         assert near.cuts <= 2
+        assert Goal(goal, 2, (-inf,) * 4, 20).is_proved_by(clear) or clear.cuts == 20
         longer += clear.cuts > 2
     assert longer >= 4, "two cuts are always enough: the fixture proves nothing"
 
