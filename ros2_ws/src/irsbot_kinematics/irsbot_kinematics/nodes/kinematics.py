@@ -27,7 +27,7 @@ MOST = 20_000
 """Largest number of postures or poses of one request: other requests wait, and a state takes 2 kB."""
 
 BUSY_S = 1.0
-"""s: longest time for one request. A posture takes from 0.03 ms to 1.5 ms, depending on the robot."""
+"""s: longest time for one request, because the others wait for it."""
 
 SLICE = 100
 """Postures or poses that are solved between two looks at the clock."""
@@ -136,8 +136,8 @@ def in_time(solve: Callable[[Sequence[float]], Solved], numbers: Sequence[float]
     begin_ns, step = time.monotonic_ns(), SLICE * width
     if len(numbers) <= step or len(numbers) % width:
         return solve(numbers)
-    parts: list[Solved] = []
-    for first in range(0, len(numbers), step):
+    parts: list[Solved] = [solve(numbers[:step])]
+    for first in range(step, len(numbers), step):
         if time.monotonic_ns() - begin_ns > BUSY_S * NS_PER_S:
             message = too_slow(first // width, len(numbers) // width, what)
             return type(parts[0])._make([*([] for _ in parts[0][:-1]), message])
