@@ -12,7 +12,7 @@ from dask_processes import dask_cluster, kill_worker, once
 
 from irsbot_kinematics import BadInput, make_robot
 from irsbot_supervisor.fleet.cluster import Cluster
-from irsbot_supervisor.fleet.evaluating import InputJob, InputRow, Question, evaluate_input, evaluate_inputs
+from irsbot_supervisor.fleet.evaluating import ROW, InputJob, InputRow, Question, evaluate_input, evaluate_inputs
 
 BAGS = Path(__file__).parents[4] / "bags"
 NUMBER = 12
@@ -80,6 +80,18 @@ def test_a_scheduler_that_goes_away_leaves_whole_tables_and_the_next_run_goes_on
     assert evaluate_inputs(jobs, folder, Cluster(workers=1)) == rows
     assert {file: file.stat().st_mtime_ns for file in done} == done
     assert evaluate_inputs(jobs[:NUMBER], folder, Cluster("tcp://127.0.0.1:1")) == rows[:NUMBER], "no cluster was asked"
+
+
+@pytest.mark.parametrize("row", ["", "[]", "{}", pytest.param("[" * 100_000, id="deep")])
+def test_a_table_whose_row_is_spoilt_is_written_again(
+    jobs: list[InputJob], rows: list[InputRow], tmp_path: Path, row: str
+) -> None:
+    evaluate_inputs(jobs[:1], tmp_path, Cluster(workers=1))
+    (file,) = tmp_path.glob("*.parquet")
+    whole = file.read_bytes()
+    pl.read_parquet(file).write_parquet(file, metadata={ROW: row})
+    assert evaluate_inputs(jobs[:1], tmp_path, Cluster(workers=1)) == rows[:1]
+    assert file.read_bytes() == whole
 
 
 def test_the_key_changes_with_everything_that_the_result_depends_on(tmp_path: Path) -> None:

@@ -177,7 +177,7 @@ def test_a_measure_that_a_run_does_not_have_is_out_of_any_bounds(tmp_path):
     ("stated", "words"),
     [
         ("{", "not JSON"),
-        pytest.param("[" * 100_000, "not JSON", id="deep"),
+        pytest.param("[" * 100_000, "not JSON: brackets are nested too deeply", id="deep"),
         ("[]", "must be a mapping"),
         ("{}", "nothing is expected"),
         ({"storey": []}, "unknown key 'storey'"),

@@ -25,7 +25,7 @@ from irsbot_supervisor.fleet import version
 from irsbot_supervisor.fleet.bags import judge_fleet
 from irsbot_supervisor.fleet.cluster import Cluster, JobFailed, run
 from irsbot_supervisor.fleet.dataset import Dataset
-from irsbot_supervisor.fleet.judging import judge
+from irsbot_supervisor.fleet.judging import ROW, judge
 from irsbot_supervisor.fleet.records import BagCheck, BagJob, BagRow, Fleet, Options, row_from_text
 from irsbot_supervisor.fleet.search import bags_in
 from irsbot_supervisor.replay.judgement import judge_bag
@@ -228,6 +228,10 @@ def test_a_bag_that_is_there_is_not_judged_again_and_a_broken_file_is(tmp_path: 
     assert dataset.known(replace(job, page=True)) is None, "its page is not there"
     assert judge_fleet([job], Cluster("tcp://127.0.0.1:1"), dataset) == [found.row], "no cluster was asked"
     (file,) = (tmp_path / "fleet" / "samples").iterdir()
+    whole = pl.read_parquet(file)
+    for spoilt in ("", "[]", "{}", "[" * 100_000):
+        whole.write_parquet(file, metadata={ROW: spoilt})
+        assert dataset.known(job) is None
     file.write_bytes(file.read_bytes()[:-20])
     assert dataset.known(job) is None
 

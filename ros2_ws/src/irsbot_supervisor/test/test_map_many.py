@@ -51,6 +51,18 @@ def test_a_map_that_is_there_is_not_drawn_again(tmp_path: Path) -> None:
     assert sorted(changed) == [".json", ".npz"]
 
 
+def test_a_map_whose_figures_are_spoilt_is_drawn_again(tmp_path: Path) -> None:
+    words = ("map", *ROBOTS[:2], *SMALL, "-o", tmp_path / "maps", "--workers", 1)
+    assert irsbot(*words).code == 0
+    file = next((tmp_path / "maps").glob("irsbot2-*.json"))
+    figures = file.read_text()
+    for spoilt in ("", "[]", "{}", '{"robot": "irsbot2", "lines": 1}', "[" * 100_000):
+        file.write_text(spoilt)
+        done = irsbot(*words)
+        assert done.code == 0, done.err
+        assert file.read_text() == figures
+
+
 def test_pictures_are_drawn_on_a_cluster_of_other_processes(tmp_path: Path) -> None:
     mine = tmp_path / "mine.yaml"
     mine.write_bytes((Path(irsbot_kinematics.__file__).parent / "presets" / "irsbot2.yaml").read_bytes())

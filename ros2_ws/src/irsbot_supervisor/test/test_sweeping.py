@@ -13,7 +13,7 @@ from dask_processes import dask_cluster, kill_worker, once
 from irsbot_kinematics import BadInput
 from irsbot_kinematics.design import Plan, Range, Task, search, sweep
 from irsbot_supervisor.fleet.cluster import Cluster, short_mapping
-from irsbot_supervisor.fleet.sweeping import sweep_to_file, sweep_to_folder
+from irsbot_supervisor.fleet.sweeping import SUMS, sweep_to_file, sweep_to_folder
 
 SIZE = 500
 """Designs of a chunk here: forty chunks."""
@@ -86,12 +86,14 @@ def test_a_folder_is_gone_on_with_where_a_run_ended(alone: Path, tmp_path: Path)
     done = {file: file.stat().st_mtime_ns for file in folder.glob("*.parquet")}
     assert 5 <= len(done) < 40
     assert [file for file in folder.iterdir() if file.suffix == ".part"] == []
-    broken = sorted(done)[0]
-    broken.write_bytes(broken.read_bytes()[:-20])
+    broken = sorted(done)[:4]
+    broken[0].write_bytes(broken[0].read_bytes()[:-20])
+    for file, spoilt in zip(broken[1:], ("", "[]", "[" * 100_000), strict=True):
+        pl.read_parquet(file).write_parquet(file, metadata={SUMS: spoilt})
     sums = sweep_to_folder(PLAN, folder, size=SIZE)
     again = {file: file.stat().st_mtime_ns for file in folder.glob("*.parquet")}
     assert len(again) == 40
-    assert [file for file in done if again[file] != done[file]] == [broken]
+    assert sorted(file for file in done if again[file] != done[file]) == broken
     table = pl.read_parquet(folder / "*.parquet")
     assert table.equals(pl.read_parquet(alone), null_equal=True)
     assert sums["zone_a"] == table["zone_a"].sum()

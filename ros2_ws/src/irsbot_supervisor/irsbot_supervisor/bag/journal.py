@@ -8,6 +8,7 @@ from dataclasses import asdict
 from typing import Any, NamedTuple
 
 from irsbot_kinematics import Robot
+from irsbot_kinematics.description import json_text
 from irsbot_kinematics.description.robot_record import robot_record
 from irsbot_msgs_py.records import Bypass, LateBrakes, Reset, Restart
 from irsbot_supervisor.core.settings import Settings
@@ -51,7 +52,7 @@ def write_entry(entry: Entry) -> str:
 def read_entry(line: str) -> Entry:
     """The entry of a line. Raises JournalError."""
     try:
-        stated = json.loads(line)
+        stated = json_text.parsed(line)
         kind = stated["kind"]
         times = _whole(stated["received_ns"]), _whole(stated["seen_ns"])
         if kind == "configure":
@@ -68,7 +69,7 @@ def read_entry(line: str) -> Entry:
             event, cause, duration_s = _whole(stated["event"]), _whole(stated["cause"]), float(stated["duration_s"])
             return Bypass(*times, event, cause, duration_s, *words)
         raise ValueError(f"kind '{kind}'")
-    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
         raise JournalError(f"not a journal entry: {line[:80]!r} ({type(error).__name__} {error})") from None
 
 

@@ -11,6 +11,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 from irsbot_kinematics import BadInput, KinematicsError
+from irsbot_kinematics.description import json_text
 from irsbot_supervisor.cli.cluster import everywhere
 from irsbot_supervisor.cli.common import out, print_json, progress_bar
 from irsbot_supervisor.cli.map_one import Wanted, draw_robot
@@ -72,9 +73,10 @@ def draw_many(
 
     def known(job: MapJob) -> Row | None:
         try:
-            figures: Row = json.loads((folder / job.file).with_suffix(".json").read_text(encoding="utf-8"))
-            return figures if (folder / job.file).exists() else None
-        except (ValueError, OSError):
+            figures: Row = json_text.parsed((folder / job.file).with_suffix(".json").read_bytes())
+            whole = figures["robot"] == job.name and isinstance(figures["lines"], list)
+            return figures if whole and (folder / job.file).exists() else None
+        except (ValueError, TypeError, KeyError, OSError):
             return None  # not there, or not whole on a disk that lost it
 
     def broken(job: MapJob, why: str) -> Row:

@@ -15,6 +15,7 @@ import numpy as np
 import polars as pl
 
 from irsbot_kinematics import KinematicsError, LabelsVary
+from irsbot_kinematics.description import json_text
 from irsbot_supervisor.bag.columns import read_joint_columns
 from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.configuration.loading import robot_of
@@ -146,7 +147,7 @@ def evaluate_inputs(
 
     def known(job: InputJob) -> InputRow | None:
         try:
-            stated = json.loads(pl.read_parquet_metadata(_file(folder, job))[ROW])
+            stated = json_text.parsed(pl.read_parquet_metadata(_file(folder, job))[ROW])
             return InputRow(**{**stated, "warnings": tuple(stated["warnings"])})
         except (ValueError, TypeError, KeyError, OSError, pl.exceptions.PolarsError):
             return None  # not there, or not whole on a disk that lost it

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from irsbot_kinematics import BadInput
+from irsbot_kinematics.description import json_text
 from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.configuration.loading import read_values
 from irsbot_supervisor.core.settings import InvalidSettings
@@ -124,7 +125,7 @@ class BagRow:
 
 def row_from_text(text: str) -> BagRow:
     """The row that `to_text` wrote. Raises ValueError, TypeError or KeyError for something else."""
-    stated = json.loads(text)
+    stated = json_text.parsed(text)
     checks = tuple(BagCheck(one["name"], one["count"], tuple(one["faults"])) for one in stated.pop("checks"))
     return BagRow(**stated, checks=checks)
 

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import polars as pl
 
+from irsbot_kinematics.description import json_text
 from irsbot_kinematics.design import ZONES, Plan
 from irsbot_kinematics.design.sweep import CHUNK, Chunk, Columns, chunks, judge_chunk
 from irsbot_supervisor.bag.column_stream import write_chunks
@@ -109,6 +110,6 @@ def _name(chunk: Chunk, key: str) -> str:
 def _known(file: Path) -> dict[str, int] | None:
     """The sums of a file that is there and whole."""
     try:
-        return {name: int(number) for name, number in json.loads(pl.read_parquet_metadata(file)[SUMS]).items()}
-    except (ValueError, KeyError, OSError, pl.exceptions.PolarsError):
+        return {name: int(number) for name, number in json_text.parsed(pl.read_parquet_metadata(file)[SUMS]).items()}
+    except (ValueError, TypeError, KeyError, AttributeError, OSError, pl.exceptions.PolarsError):
         return None

@@ -10,6 +10,8 @@ from pathlib import Path
 from sys import float_info
 from typing import Any, NamedTuple
 
+from irsbot_kinematics import BadInput
+from irsbot_kinematics.description import json_text
 from irsbot_msgs_py.records import Cause, Level, cause_names
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.bag.errors import BagError
@@ -134,11 +136,11 @@ def _end_ns(recording: Recording, judged: Judged) -> int:
 def read_expectation(path: Path) -> Expectation:
     """Read an expectation file, see bags/README.md. Raises BagError: what is wrong, where, and what would be right."""
     try:
-        stated = json.loads(path.read_text(encoding="utf-8"))
+        stated = json_text.parsed(path.read_bytes(), path)
     except OSError as error:
         raise BagError(f"{path}: {error.strerror}") from None
-    except (ValueError, RecursionError) as error:  # the second for brackets that are nested too deeply
-        raise BagError(f"{path}: not JSON: {error}") from None
+    except BadInput as error:
+        raise BagError(str(error)) from None
     try:
         return _expectation(stated, path.parent)
     except _Wrong as wrong:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from irsbot_kinematics import BadInput
+from irsbot_kinematics.description import json_text
 
 Facts = Mapping[str, Any]
 """What `bench --json` prints."""
@@ -33,10 +34,10 @@ def read(file: Path) -> list[Facts]:
     found = []
     for number, line in enumerate(file.read_bytes().splitlines(), 1):
         try:
-            facts = json.loads(line)
+            facts = json_text.parsed(line)
             if not _is_benchmark(facts):
                 raise ValueError
-        except (ValueError, TypeError, KeyError, RecursionError):
+        except (ValueError, TypeError, KeyError):
             raise BadInput(f"{file}, line {number} is no benchmark: it must be a file of --history") from None
         found.append(facts)
     return found
