@@ -229,7 +229,7 @@ def test_a_bag_that_is_there_is_not_judged_again_and_a_broken_file_is(tmp_path: 
     assert judge_fleet([job], Cluster("tcp://127.0.0.1:1"), dataset) == [found.row], "no cluster was asked"
     (file,) = (tmp_path / "fleet" / "samples").iterdir()
     whole = pl.read_parquet(file)
-    for spoilt in ("", "[]", "{}", "[" * 100_000):
+    for spoilt in ("", "3", "[]", "{}", "[" * 100_000):
         whole.write_parquet(file, metadata={ROW: spoilt})
         assert dataset.known(job) is None
     file.write_bytes(file.read_bytes()[:-20])

@@ -126,8 +126,8 @@ class BagRow:
 def row_from_text(text: str) -> BagRow:
     """The row that `to_text` wrote. Raises ValueError, TypeError or KeyError for something else."""
     stated = json_text.parsed(text)
-    checks = tuple(BagCheck(one["name"], one["count"], tuple(one["faults"])) for one in stated.pop("checks"))
-    return BagRow(**stated, checks=checks)
+    checks = tuple(BagCheck(one["name"], one["count"], tuple(one["faults"])) for one in stated["checks"])
+    return BagRow(**{**stated, "checks": checks})
 
 
 @dataclass(frozen=True)

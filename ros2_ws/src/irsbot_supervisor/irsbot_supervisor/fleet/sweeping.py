@@ -110,6 +110,7 @@ def _name(chunk: Chunk, key: str) -> str:
 def _known(file: Path) -> dict[str, int] | None:
     """The sums of a file that is there and whole."""
     try:
-        return {name: int(number) for name, number in json_text.parsed(pl.read_parquet_metadata(file)[SUMS]).items()}
-    except (ValueError, TypeError, KeyError, AttributeError, OSError, pl.exceptions.PolarsError):
+        stated = json_text.parsed(pl.read_parquet_metadata(file)[SUMS])
+        return {name: int(stated[name]) for name in ("designs", *COUNTED)}
+    except (ValueError, TypeError, KeyError, OSError, pl.exceptions.PolarsError):
         return None
