@@ -19,8 +19,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from random_boxes import PLATFORMS, WAYS, random_box
 
-from irsbot_kinematics.bounds import boxes
-from irsbot_kinematics.bounds.box_code import SHAPES, BoxCode, code_for, library_for
+from irsbot_kinematics.bounds import boxes, couples, cranks
+from irsbot_kinematics.bounds.box_code import SHAPES, BoxCode, codes_for, functions, library_for
 from irsbot_kinematics.bounds.boxes import Reached, by_equations, numbers_of, reached
 from irsbot_kinematics.bounds.quadratics import least, numbers
 from irsbot_kinematics.machine_code.__main__ import make
@@ -39,15 +39,13 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
             patch.setenv("IRSBOT_CACHE", str(tmp_path_factory.mktemp("cache")))
             for shape in SHAPES:
                 make(shape)
-        code_for.cache_clear()
+        codes_for.cache_clear()
         yield
-    code_for.cache_clear()
+    codes_for.cache_clear()
 
 
-def code_of(shape: tuple[int, int, int]) -> BoxCode:
-    code = code_for(*shape)
-    assert code is not None
-    return code
+def code_of(shape: tuple[int, int, int], name: str = "reached") -> BoxCode:
+    return codes_for(*shape)[name]
 
 
 def bits(found: Reached | None) -> list[bytes] | None:
@@ -76,6 +74,62 @@ def test_machine_code_gives_the_bits_of_python(platform: str) -> None:
     assert answers["not known"] == 0
 
 
+TURNING = [shape for shape in SHAPES if shape[2] > shape[1]]
+
+
+def cases(shape: tuple[int, int, int], number: int) -> Iterator[tuple[list[list[list[float]]], list[cranks.Crank]]]:
+    """Rods and cranks; every fifth has a number that is none somewhere."""
+    rng, (n, dims, m) = np.random.default_rng(5), shape
+    platform = next(name for name, size in PLATFORMS.items() if size == (n, dims))
+    while number > 0:
+        box = random_box(rng, *PLATFORMS[platform], rng.choice(WAYS))
+        stated = by_equations(box.machine.posture, box.rods(), box.arm)
+        if stated is None:
+            continue
+        number -= 1
+        rods = [[list(x) for x in rod] for rod in stated.rods]
+        if number % 5 == 0:
+            rods[rng.integers(n)][rng.integers(2)][rng.integers(numbers(n, m))] = float(
+                rng.choice([nan, inf, -inf, 0.0])
+            )
+        angles, travel = rng.uniform(-4.0, 4.0, n), 10.0 ** rng.uniform(-3.0, 0.0, n)
+        sides = rng.choice([-1.0, 1.0], n)
+        rows = np.column_stack([np.cos(angles), np.sin(angles), travel, sides]).tolist()
+        yield rods, [cranks.Crank(*row) for row in rows]
+
+
+def same(found: Sequence[float], expected: Sequence[float]) -> bool:
+    return all(
+        struct.pack("d", x) == struct.pack("d", y) or (x != x and y != y) for x, y in zip(found, expected, strict=True)
+    )
+
+
+@pytest.mark.parametrize("shape", TURNING)
+def test_levers_about_cranks_have_the_bits_of_python(shape: tuple[int, int, int]) -> None:
+    code, positive = code_of(shape, "levers"), 0
+    for rods, turning in cases(shape, 200):
+        found = code(cranks.numbers_of(rods, turning))
+        expected = cranks.by_equations(rods, turning)
+        assert found is not None
+        assert same(found, expected)
+        assert same(cranks.levers_over(rods, turning), expected)
+        positive += max(expected) > 0.0
+    assert positive > 50
+
+
+def test_constraints_have_the_bits_of_python() -> None:
+    shape, positive = (4, 3, 4), 0
+    code = code_of(shape, "couples")
+    for rods, _turning in cases(shape, 200):
+        found = code(couples.numbers_of(rods))
+        expected = couples.by_equations(rods)
+        assert found is not None
+        assert same(found, [expected])
+        assert same([couples.least_over(rods)], [expected])
+        positive += expected > 0.0
+    assert 50 < positive < 200
+
+
 @pytest.mark.parametrize("shape", SHAPES)
 def test_numbers_that_are_none_give_no_bounds(shape: tuple[int, int, int]) -> None:
     rng, code = np.random.default_rng(4), code_of(shape)
@@ -98,7 +152,7 @@ def test_numbers_that_are_none_give_no_bounds(shape: tuple[int, int, int]) -> No
 def test_the_least_value_of_a_quadratic_has_the_bits_of_python(
     shape: tuple[int, int, int], data: st.DataObject
 ) -> None:
-    code_of(shape)
+    assert code_of(shape)
     function = ctypes.PyDLL(str(library_for(*shape))).least
     function.restype = ctypes.c_double
     n, _dims, m = shape
@@ -114,7 +168,9 @@ def test_the_least_value_of_a_quadratic_has_the_bits_of_python(
 
 
 def without(monkeypatch: pytest.MonkeyPatch, code: BoxCode | None) -> None:
-    monkeypatch.setattr(boxes, "code_for", lambda *_shape: code)
+    for module, name in ((boxes, "reached"), (cranks, "levers"), (couples, "couples")):
+        codes = {} if code is None else {name: code}
+        monkeypatch.setattr(module, "codes_for", lambda *_shape, codes=codes: codes)
 
 
 def a_box() -> tuple[object, Sequence[object], float]:
@@ -134,6 +190,16 @@ def test_python_answers_where_there_is_no_code_or_it_does_not_know(monkeypatch: 
     assert reached(at, rods, arm) is None
 
 
+def test_python_answers_for_cranks_and_constraints_where_there_is_no_code_or_it_does_not_know(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    for rods, turning in cases((4, 3, 4), 3):
+        expected = [*cranks.by_equations(rods, turning), couples.by_equations(rods)]
+        for code in (None, lambda _numbers: [], lambda _numbers: None):
+            without(monkeypatch, code)
+            assert same([*cranks.levers_over(rods, turning), couples.least_over(rods)], expected)
+
+
 @pytest.mark.parametrize("more", [-1, 1])
 def test_another_number_of_values_is_left_to_python(more: int) -> None:
     at, rods, arm = a_box()
@@ -144,15 +210,15 @@ def test_another_number_of_values_is_left_to_python(more: int) -> None:
 
 def test_plain_python_is_selected_by_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("IRSBOT_PLAIN", "1")
-    assert code_for.__wrapped__(*SHAPES[0]) is None
+    assert codes_for.__wrapped__(*SHAPES[0]) == {}
 
 
 @pytest.mark.usefixtures("own_cache")
 def test_there_is_no_code_before_it_is_made() -> None:
-    assert code_for.__wrapped__(*SHAPES[0]) is None
+    assert codes_for.__wrapped__(*SHAPES[0]) == {}
     file = make(SHAPES[0])
     made = file.stat().st_mtime_ns
-    assert code_for.__wrapped__(*SHAPES[0]) is not None
+    assert list(codes_for.__wrapped__(*SHAPES[0])) == list(functions(*SHAPES[0][1:]))
     assert make(SHAPES[0]).stat().st_mtime_ns == made, "it is kept"
 
 
@@ -161,13 +227,13 @@ def test_a_file_that_is_no_library_is_named_and_passed_over() -> None:
     file = library_for(*SHAPES[0])
     file.write_text("no library")
     with pytest.warns(UserWarning, match=f"{file} cannot be used"):
-        assert code_for.__wrapped__(*SHAPES[0]) is None
+        assert codes_for.__wrapped__(*SHAPES[0]) == {}
 
 
 @pytest.mark.usefixtures("own_cache")
 def test_code_with_other_results_is_named_and_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
     file = make(SHAPES[0])
-    expected = (ctypes.c_double * 2).in_dll(ctypes.PyDLL(str(file)), "expected")
+    expected = (ctypes.c_double * 2).in_dll(ctypes.PyDLL(str(file)), "reached_expected")
     assert expected[0] > 0.0
     whole, first = file.read_bytes(), bytes(expected)
     assert whole.count(first) == 1, "its expected results"
@@ -176,7 +242,7 @@ def test_code_with_other_results_is_named_and_passed_over(monkeypatch: pytest.Mo
     file.parent.mkdir()
     file.write_bytes(whole.replace(first, struct.pack("2d", 0.5, expected[1])))
     with pytest.warns(UserWarning, match=f"{file} has other results on this machine"):
-        assert code_for.__wrapped__(*SHAPES[0]) is None
+        assert codes_for.__wrapped__(*SHAPES[0]) == {}
 
 
 def test_the_command_tells_what_is_made_and_what_is_missing(tmp_path: Path) -> None:

@@ -14,7 +14,9 @@ from rod_machines import Array, Machine, units
 from scipy.optimize import lsq_linear, minimize
 
 import irsbot_kinematics as irs
-from irsbot_kinematics.bounds.boxes import Change, Rod, reached
+from irsbot_kinematics.bounds.boxes import Rod, reached
+from irsbot_kinematics.bounds.cranks import Crank, levers_over
+from irsbot_kinematics.bounds.quadratics import numbers
 from irsbot_kinematics.bounds.sizes import distances, least_singular
 from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2
 from irsbot_kinematics.mechanisms.irsbot2_space.geometry import Irsbot2Geometry
@@ -173,6 +175,46 @@ def test_a_second_singular_value_that_vanishes_inside_the_box_is_not_promised():
     assert least_singular([(1.0, 0.0), (0.0, 2.0)], [way, way], 0.0) == pytest.approx(1.0, abs=0.35)
 
 
+# --- levers about cranks ---
+
+
+def some_quadratics(rng, n, m):
+    """(n, 2, numbers): the horizontal coordinates of rods; products of joints and other effects in some of them."""
+    size = 10.0 ** rng.uniform(-2.5, -0.5)
+    found = size * rng.normal(size=(n, 2, numbers(n, m)))
+    found[..., 1 + n :] *= size * rng.integers(0, 2)
+    found[..., 0] = rng.normal(size=(n, 2))
+    found[..., -1] = abs(found[..., -1])
+    return found
+
+
+def values_of(quadratics, s, z):
+    """(N, n, 2) at points s (N, n), with the other effects and the rest at z (N, m + 1)."""
+    n = s.shape[1]
+    pairs = [s[:, j] * s[:, k] for k in range(n) for j in range(k)]
+    terms = np.column_stack([np.ones(len(s)), s, s * s, *pairs, z])
+    return np.einsum("nt,rdt->nrd", terms, quadratics)
+
+
+@pytest.mark.parametrize("n", [3, 4])
+def test_no_lever_of_a_rod_about_its_crank_is_below_its_bound(n):
+    """Against the cross product of the rod and the direction of the turned crank."""
+    rng, used = np.random.default_rng(48), []
+    for _ in range(300):
+        rods, q, t = some_quadratics(rng, n, n), rng.uniform(-np.pi, np.pi, n), 10.0 ** rng.uniform(-3.0, -0.3, n)
+        s = np.concatenate([np.zeros((1, n)), corners(n), rng.uniform(-1.0, 1.0, (200, n))])
+        z = rng.choice([-1.0, 1.0], (len(s), n + 1))
+        z[0] = 0.0
+        w = values_of(rods, s, z)
+        levers = w[..., 0] * np.sin(q + t * s) - w[..., 1] * np.cos(q + t * s)
+        sides = np.sign(levers[0])
+        turning = [Crank(*row) for row in np.column_stack([np.cos(q), np.sin(q), t, sides]).tolist()]
+        bounds = np.array(levers_over(rods.tolist(), turning))
+        assert (levers * sides >= bounds - ROUNDING).all()
+        used += ((abs(levers[0]) - (levers * sides).min(axis=0)) / (abs(levers[0]) - bounds)).tolist()
+    assert np.median(used) > 0.7, "the levers are far above their bounds"
+
+
 # --- constraint margins, whatever turns the rods ---
 
 
@@ -213,19 +255,18 @@ def test_the_constraint_margin_of_the_4_ruu_stays_above_its_bound_however_its_ro
         level = 10.0 ** rng.uniform(-1.5, 0.0, 4)
         angle = rng.uniform(-np.pi, np.pi, 4) * (rng.uniform() < 0.7)
         h = level[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        r = np.column_stack([h, np.sqrt(1.0 - level**2)])
         one = rng.integers(4)
-        u = level[:, None, None] * rng.normal(size=(4, 4, 3)) * 10.0 ** rng.uniform(-2.0, -0.3) * [1.0, 1.0, 0.0] / 4.0
+        u = level[:, None, None] * rng.normal(size=(4, 4, 2)) * 10.0 ** rng.uniform(-2.0, -0.3) / 4.0
         u[:, np.arange(4) != one] *= rng.integers(0, 2)
-        rest = rng.integers(0, 2) * level * 10.0 ** rng.uniform(-2.5, -1.0)
-        most = [float(np.linalg.norm(corners(4) @ ways, axis=1).max()) for ways in u]
-        rods = [Change(ways.tolist(), m, e) for ways, m, e in zip(u, most, rest.tolist(), strict=True)]
-        at, met = SimpleNamespace(screws=r.tolist()), SimpleNamespace(changes=rods)
-        bound = ruu4.constraint_over(at, met)
+        rest = rng.integers(0, 2) * level[:, None] * 10.0 ** rng.uniform(-2.5, -1.0) * rng.uniform(size=(4, 2))
+        length = 10.0 ** rng.uniform(-1.0, 1.0)
+        rods = length * np.concatenate([h[:, None], u, np.zeros((4, 14, 2)), rest[:, None]], axis=1)
+        met = SimpleNamespace(rods=rods.transpose(0, 2, 1).tolist())
+        bound = ruu4.constraint_over(SimpleNamespace(), met)
         s = np.concatenate([np.zeros((1, 4)), corners(4), rng.uniform(-1.0, 1.0, (100, 4))])
-        e = units(rng.normal(size=(len(s), 4, 2))) * rest[:, None]
+        e = rng.choice([-1.0, 1.0], (len(s), 4, 2)) * rest
         e[0] = 0.0
-        there = units(h + np.einsum("ns,rsm->nrm", s, u)[..., :2] + e)
+        there = units(h + np.einsum("ns,rsm->nrm", s, u) + e)
         margin = np.linalg.svd(there, compute_uv=False)[:, 1] / np.sqrt(2.0)
         assert (margin >= bound - ROUNDING).all()
         if bound > 0.0 and margin[0] - bound > 1e-6:

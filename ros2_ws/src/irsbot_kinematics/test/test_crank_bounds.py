@@ -13,10 +13,9 @@ from cranks import HOME, ROBOTS, TRIANGLES, every_robot, layout, random_poses, r
 
 import irsbot_kinematics as irs
 from irsbot_kinematics import Robot
-from irsbot_kinematics.bounds.boxes import Change
+from irsbot_kinematics.bounds.cranks import _direction
 from irsbot_kinematics.bounds.quadratics import numbers
 from irsbot_kinematics.mechanism import Posture
-from irsbot_kinematics.mechanisms.crank_platform import _direction
 from irsbot_kinematics.mechanisms.rrr3_base import Rrr3Base, Rrr3BaseGeometry
 from irsbot_kinematics.mechanisms.ruu4 import Ruu4, Ruu4Geometry
 from irsbot_kinematics.mechanisms.turning_platform import TurningPlatform
@@ -199,17 +198,25 @@ def test_the_constraint_falls_by_the_turns_of_the_horizontal_parts_of_the_rods()
     assert upright > 40
 
 
+def rods_of(directions: np.ndarray, rests: np.ndarray, ways: float = 0.0) -> SimpleNamespace:
+    """Rods (4, 2) as quantities over a box: rests (4, 2), and what the first joint adds to x of the last rod."""
+    found = np.zeros((4, 2, numbers(4, 4)))
+    found[..., 0], found[..., -1], found[3, 0, 1] = directions, rests, ways
+    return SimpleNamespace(rods=(0.7 * found).tolist())
+
+
 def test_a_rest_costs_of_the_constraint_what_its_first_two_orders_turn() -> None:
     """Of rods that change by a rest alone, the matrix moves by rest/h + (rest/h)^2/sqrt 3/(1 - rest/h)^2 each."""
     rng = np.random.default_rng(36)
     for q, x, _ in random_poses(ROBOTS["4-RUU"], rng, 20):
         at = posture(ROBOTS["4-RUU"], q, x)
-        level = np.linalg.norm(np.array(at.screws)[:, :2], axis=1)
-        still = [[0.0] * 3] * 4
+        directions = np.array(at.screws)[:, :2]
+        level = np.linalg.norm(directions, axis=1)
         for share in (0.0, 0.01, 0.1, 1.05, 1.5):
             shares = share * rng.uniform(0.5, 1.0, 4)
             shares[rng.integers(4)] = share
-            met = SimpleNamespace(changes=[Change(still, 0.0, rest) for rest in (shares * level).tolist()])
+            angle = rng.uniform(0.0, 0.5 * pi, 4)
+            met = rods_of(directions, np.stack([np.cos(angle), np.sin(angle)], axis=1) * (shares * level)[:, None])
             turned = shares + (shares / (1.0 - np.minimum(shares, 0.99))) ** 2 / np.sqrt(3.0)
             left = at.constraint - np.linalg.norm(turned) / np.sqrt(2.0)
             expected = max(left, 0.0) if share < 1.0 else 0.0
@@ -218,13 +225,16 @@ def test_a_rest_costs_of_the_constraint_what_its_first_two_orders_turn() -> None
 
 def test_a_rod_that_is_upright_or_can_become_so_leaves_nothing_of_the_constraint() -> None:
     """Of an upright rod any motion turns the couple to wherever it may."""
-    still, level = [[0.0] * 3] * 4, [(1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0)] * 2
-    across = SimpleNamespace(screws=level, constraint=1.0)
-    upright = SimpleNamespace(screws=[*level[:3], (0.0, 0.0, 1.0, 0.0)], constraint=0.5)
-    for at, most, rest in ((across, 0.0, 1.0), (across, 1.0, 0.0), (upright, 0.1, 0.0), (upright, 0.0, 0.1)):
-        met = SimpleNamespace(changes=[*[Change(still, 0.0, 0.0)] * 3, Change(still, most, rest)])
-        assert RUU4.constraint_over(at, met) == 0.0
-    assert RUU4.constraint_floor(upright, 0.1) == 0.0
+    across = np.array([(1.0, 0.0), (0.0, 1.0), (1.0, 0.0), (0.0, 1.0)])
+    upright, still = across * [[1.0], [1.0], [1.0], [0.0]], np.zeros((4, 2))
+    assert RUU4.constraint_over(SimpleNamespace(), rods_of(across, still)) == pytest.approx(1.0)
+    for directions, most, rest in ((across, 0.0, 1.0), (across, 1.0, 0.0), (upright, 0.1, 0.0), (upright, 0.0, 0.1)):
+        rests = still.copy()
+        rests[3, 0] = rest
+        assert RUU4.constraint_over(SimpleNamespace(), rods_of(directions, rests, most)) == 0.0
+    screws = [(*row, 0.0, 0.0) for row in upright[:3].tolist()]
+    upright_rod = SimpleNamespace(screws=[*screws, (0.0, 0.0, 1.0, 0.0)], constraint=0.5)
+    assert RUU4.constraint_floor(upright_rod, 0.1) == 0.0
 
 
 @pytest.mark.parametrize("share", [1.0, 0.01])

@@ -7,8 +7,11 @@ from math import cos, pi, sin
 import numpy as np
 import pytest
 from cranks import EXACT, HOME, ROBOTS, close, every_robot, layout, random_poses, rods
+from hypothesis import given
+from hypothesis import strategies as st
 
 from irsbot_kinematics import Status, make_robot, statics
+from irsbot_kinematics.mechanisms.branched_platform import _box_of
 from irsbot_kinematics.numerics.arithmetic import ARRAYS, FLOATS
 
 # --- following a branch ------------------------------------------------------------------------------------------
@@ -54,6 +57,34 @@ def test_a_followed_branch_is_continuous_closes_and_keeps_the_sign_of_its_determ
         assert (np.abs(away[0]).max(axis=1) + np.abs(away[1])).min() < 1e-6
     assert max(lengths) > 30
     assert min(lengths) < 60, "some ways end at a singularity"
+
+
+@every_robot
+def test_a_step_does_not_depend_on_the_steps_before(name):
+    """The box of the last step is kept; the same step of a robot that made none has the same bits."""
+    robot, rng, solved = ROBOTS[name], np.random.default_rng(10), 0
+    for at, _ in walk(robot, rng, 40, 0.01):
+        way = rng.normal(size=len(at.joints)) * 10.0 ** rng.uniform(-4.0, -1.0)
+        there = [tuple((np.array(at.joints) + sign * way).tolist()) for sign in (1.0, -1.0, 0.5)]
+        found = [robot.mechanism.track(joints, at) for joints in there]
+        fresh = [type(robot.mechanism)(robot.mechanism.geometry).track(joints, at) for joints in there]
+        assert repr(found) == repr(fresh)
+        solved += found[0].status == found[1].status == Status.SOLVED
+    assert solved > 5
+
+
+@given(st.lists(st.floats(-1e300, 1e300), min_size=1, max_size=4))
+def test_the_box_of_a_step_holds_it_and_hardly_more(ahead):
+    for way, most in zip(ahead, _box_of(ahead), strict=True):
+        assert abs(way) <= most <= abs(way) * (1.0 + 1e-8) + 5e-324
+
+
+def test_a_step_and_the_step_back_have_one_box():
+    rng = np.random.default_rng(11)
+    middle, half = rng.uniform(-3.0, 3.0, 1000), 10.0 ** rng.uniform(-5.0, 0.0, 1000)
+    ahead, back = (middle + half) - middle, (middle - half) - middle
+    assert (ahead != -back).any()
+    assert _box_of(ahead.tolist()) == _box_of(back.tolist())
 
 
 @every_robot

@@ -15,6 +15,7 @@ from irsbot_kinematics.bounds.quadratics import (
     largest,
     least,
     minus,
+    monomials,
     multiplied,
     norm,
     numbers,
@@ -42,7 +43,7 @@ def points(rng, n, m):
     return ends[:, :n], ends[:, n:]
 
 
-def monomials(s, x):
+def written_out(s, x):
     """(K, N) written out."""
     n = s.shape[1]
     squares = [s[:, j] ** 2 for j in range(n)]
@@ -60,7 +61,7 @@ def test_products_sums_and_sizes_hold_for_all_joints_and_remainders(n):
     rng, used = np.random.default_rng(50), []
     for m in [0, n] * 150:
         a, b, c, d = (random_quantity(rng, n, m) for _ in range(4))
-        at = monomials(*points(rng, n, m))
+        at = written_out(*points(rng, n, m))
         x, y, z, w = (values(q, at, np.sign(rng.normal(size=SAMPLES))) for q in (a, b, c, d))
         factors = rng.normal(size=3).tolist()
         for exact, stated in (
@@ -103,7 +104,7 @@ def test_remainders_are_met_where_everything_is_at_its_end_and_adds_up(n, m):
 def test_values_at_the_corners_are_those_of_the_polynomial(n):
     a = random_quantity(np.random.default_rng(52), n, n)
     corners = np.array([[1.0 if corner >> j & 1 else -1.0 for j in range(n)] for corner in range(2**n)])
-    exact = monomials(corners, np.zeros((2**n, n))) @ a[:-1]
+    exact = written_out(corners, np.zeros((2**n, n))) @ a[:-1]
     np.testing.assert_allclose(corner_values(n, a), exact, rtol=0.0, atol=1e-12)
 
 
@@ -116,7 +117,7 @@ def test_nothing_is_below_the_least_value(n):
         s, others = points(rng, n, 2)
         s[: SAMPLES // 2, 0] = np.linspace(-1.0, 1.0, SAMPLES // 2)
         worst = -np.sign(a[polynomial(n) : -1]) * np.abs(np.sign(others))
-        met = values(a, monomials(s, np.where(rng.uniform(size=worst.shape) < 0.9, worst, others)), -1.0).min()
+        met = values(a, written_out(s, np.where(rng.uniform(size=worst.shape) < 0.9, worst, others)), -1.0).min()
         assert met >= least(n, a) - 1e-12
         over.append((met - least(n, a)) / max(np.abs(a).sum(), 1e-12))
     assert np.median(over) < (0.02 if n < 3 else 0.1)
@@ -144,7 +145,7 @@ def test_the_cosine_and_the_sine_of_a_turn_hold_for_all_joints_and_remainders(n,
     for size in rng.uniform(0.01, 0.5, 300):
         turn = [0.0, *random_quantity(rng, n, m)[1:]]
         turn = scaled(turn, size / largest(turn))
-        at = monomials(*points(rng, n, m))
+        at = written_out(*points(rng, n, m))
         exact = values(turn, at, np.sign(rng.normal(size=SAMPLES)))
         for function, stated in zip((np.cos, np.sin), platform._turned(turn), strict=True):
             off = np.abs(function(exact) - values(stated, at))
@@ -159,10 +160,10 @@ def test_a_quantity_at_a_point_is_its_polynomial_and_what_is_aside(n, m):
     for _ in range(10):
         a = random_quantity(rng, n, m)
         s, x = points(rng, n, m)
-        there = np.array([value_at(a, point) for point in s.tolist()])
-        np.testing.assert_allclose(there, monomials(s, 0.0 * x) @ a[:-1], atol=1e-14)
+        there = np.array([value_at(a, monomials(point)) for point in s.tolist()])
+        np.testing.assert_allclose(there, written_out(s, 0.0 * x) @ a[:-1], atol=1e-14)
         assert aside(n, a) == pytest.approx(np.abs(a[polynomial(n) :]).sum(), abs=1e-15)
-        off = np.abs(monomials(s, x) @ a[:-1] + a[-1] - there)
+        off = np.abs(written_out(s, x) @ a[:-1] + a[-1] - there)
         assert (off <= aside(n, a) + 1e-14).all()
 
 

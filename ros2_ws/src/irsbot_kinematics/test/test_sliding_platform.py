@@ -14,7 +14,7 @@ from postures import ROBOTS, some_postures
 
 import irsbot_kinematics as irs
 from irsbot_kinematics import Posture
-from irsbot_kinematics.bounds.boxes import Change
+from irsbot_kinematics.bounds.quadratics import numbers
 from irsbot_kinematics.mechanism import Coordinate
 from irsbot_kinematics.mechanisms.sliding_platform import _rail_errors as rail_errors
 
@@ -103,16 +103,17 @@ def test_a_strut_keeps_its_length_but_for_its_travel_and_its_error_and_has_no_si
 @pytest.mark.parametrize("name", ["rails2", "rails3"])
 @pytest.mark.parametrize("size", [1e-3, 0.05, 0.4])
 def test_sines_over_changes_of_the_rods_are_those_of_the_worst_corner(name: str, size: float) -> None:
-    """|w.u| of the rod as a vector, over the longest rod: at a corner of what the joints do to it, with the rest along
-    the rail. Rails that are off turn on top."""
+    """|w.u| of the rod as a vector, over the longest rod: at a corner of what the joints do to it, with the rest of
+    either coordinate along the rail. Rails that are off turn on top."""
     mechanism, rng, slack = ROBOTS[name].mechanism, np.random.default_rng(9), 2e-3
     signs = np.array(list(product((-1.0, 1.0), repeat=3)))
     for at in postures(name):
         lengths = [q if rail is None else rail.rod for rail, q in zip(mechanism.rails, at.joints, strict=True)]
-        ways, rests = size * rng.normal(size=(3, 3, 2)), size * rng.uniform(size=3)
+        ways, rests = size * rng.normal(size=(3, 3, 2)), size * rng.uniform(size=(3, 2))
         longest = [length * (1.0 + 0.1 * k) for k, length in enumerate(lengths)]
-        changes = [Change(way.tolist(), 0.0, float(rest)) for way, rest in zip(ways, rests, strict=True)]
-        met = SimpleNamespace(changes=changes, longest=longest)
+        rods = np.zeros((3, 2, numbers(3, 3)))
+        rods[..., 0], rods[..., 1:4], rods[..., -1] = np.array(at.screws)[:, :2], ways.transpose(0, 2, 1), rests
+        met = SimpleNamespace(rods=(np.array(lengths)[:, None, None] * rods).tolist(), longest=longest)
         exact, off = (mechanism.sines_over(at, (0.0,) * 3, met, s) for s in (0.0, slack))
         rows = zip(mechanism.rails, mechanism.joints, at.screws, ways, rests, lengths, longest, strict=True)
         for k, (rail, joint, r, way, rest, length, far) in enumerate(rows):
@@ -120,7 +121,7 @@ def test_sines_over_changes_of_the_rods_are_those_of_the_worst_corner(name: str,
                 assert exact[k] == off[k] == 1.0
                 continue
             along = (r[:2] + signs @ way) @ rail.way * np.sign(np.dot(r[:2], rail.way))
-            least = max(along.min() - rest, 0.0) * length / far
+            least = max(along.min() - np.abs(rail.way) @ rest, 0.0) * length / far
             assert exact[k] == pytest.approx(least, abs=1e-12)
             turn = rail_errors(joint, joint.lower, 0.0, np.sqrt(2.0) * slack)[1]
             assert off[k] == pytest.approx(max(np.sin(np.arcsin(least) - turn), 0.0), abs=1e-12)

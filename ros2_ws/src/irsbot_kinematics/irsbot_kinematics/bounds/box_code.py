@@ -1,4 +1,6 @@
-"""Machine code of `boxes.by_equations`, which takes most of the time of a supervisor near its limits.
+"""Machine code of the bounds over boxes, which take most of the time of a supervisor near its limits.
+
+Each function is `by_equations` of its module: `reached` of `boxes`, `levers` of `cranks`, `couples` of `couples`.
 
 `python -m irsbot_kinematics.machine_code` makes it. It gives the same bits as Python, and is used while the equations
 are unchanged. The environment variable IRSBOT_PLAIN switches it off.
@@ -11,7 +13,7 @@ import hashlib
 import os
 import platform
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 
@@ -23,8 +25,10 @@ SHAPES = ((2, 2, 2), (3, 2, 3), (3, 3, 3), (4, 3, 4))
 
 SOURCES = (
     "statics.py",
-    *(f"bounds/{name}.py" for name in ("box_code", "boxes", "cubics", "quadratics", "type2_over_box")),
-    *(f"machine_code/{name}.py" for name in ("__main__", "box_source", "branching", "source", "symbols")),
+    *(f"bounds/{name}.py" for name in ("box_code", "boxes", "couples", "cranks", "cubics", "quadratics", "sizes")),
+    "bounds/type2_over_box.py",
+    *(f"machine_code/{name}.py" for name in ("__main__", "box_functions", "box_source", "branching", "copies")),
+    *(f"machine_code/{name}.py" for name in ("source", "symbols")),
 )
 """Modules whose change makes the machine code outdated."""
 
@@ -32,42 +36,50 @@ FOUND, NOTHING, UNKNOWN = 0, 1, 2
 """What the code returns: bounds, the knowledge that there are none, or nothing at all."""
 
 BoxCode = Callable[[Sequence[float]], "list[float] | None"]
-"""From `boxes.numbers_of`: the numbers of the result, None if there is none, or nothing where Python has to answer."""
+"""From `numbers_of`: the numbers of the result, None if there is none, or nothing where Python has to answer."""
+
+
+def functions(dims: int, rows: int) -> tuple[str, ...]:
+    """What there is machine code of, for one shape."""
+    if rows == dims:
+        return ("reached",)
+    return ("reached", "levers", "couples") if dims == 3 else ("reached", "levers")
 
 
 @cache
-def code_for(rods: int, dims: int, rows: int) -> BoxCode | None:
-    """The machine code for one shape; None if there is none of the present equations."""
+def codes_for(rods: int, dims: int, rows: int) -> Mapping[str, BoxCode]:
+    """The machine code for one shape; nothing if there is none of the present equations."""
     if os.environ.get(SWITCH):
-        return None
+        return {}
     try:
         file = library_for(rods, dims, rows)
     except OSError:  # without sources nobody knows whether it is theirs
-        return None
+        return {}
     if not file.is_file():
-        return None
+        return {}
     try:
         library = ctypes.PyDLL(str(file))
-        reproduced, code = library.is_reproduced(), _called(library)
+        codes = {name: _called(library, name) for name in functions(dims, rows)}
+        reproduced = all(library[f"{name}_is_reproduced"]() for name in codes)
     except (OSError, AttributeError, ValueError) as error:
         warnings.warn(f"{file} cannot be used ({error}), plain Python runs: delete it", stacklevel=2)
-        return None
+        return {}
     if not reproduced:
         warnings.warn(f"{file} has other results on this machine, plain Python runs: delete it", stacklevel=2)
-        return None
-    return code
+        return {}
+    return codes
 
 
-def _called(library: ctypes.PyDLL) -> BoxCode:
-    reached = library.reached
-    given, width = [ctypes.c_int.in_dll(library, name).value for name in ("given", "width")]
+def _called(library: ctypes.PyDLL, name: str) -> BoxCode:
+    function = library[name]
+    given, width = [ctypes.c_int.in_dll(library, f"{name}_{what}").value for what in ("given", "width")]
     inputs, results = ctypes.c_double * given, ctypes.c_double * width
 
     def code(values: Sequence[float]) -> list[float] | None:
         if len(values) != given:  # fewer would be taken as zeros
             return []
         out = results()
-        status = reached(inputs(*values), out)
+        status = function(inputs(*values), out)
         if status != FOUND:
             return None if status == NOTHING else []
         found: list[float] = out[:]

@@ -36,14 +36,12 @@ inverse there.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import combinations
-from math import asin, hypot, inf, sqrt
-from operator import mul
+from math import asin, hypot, inf
 from typing import TYPE_CHECKING, NamedTuple
 
 from irsbot_kinematics import statics
 from irsbot_kinematics.bounds import cubics
-from irsbot_kinematics.bounds.box_code import code_for
+from irsbot_kinematics.bounds.box_code import codes_for
 from irsbot_kinematics.bounds.cubics import Cubic, cube, cubic
 from irsbot_kinematics.bounds.quadratics import (
     Quadratic,
@@ -59,6 +57,7 @@ from irsbot_kinematics.bounds.quadratics import (
     polynomial,
     scaled,
 )
+from irsbot_kinematics.bounds.sizes import largest_sum
 from irsbot_kinematics.bounds.type2_over_box import type2_over
 
 if TYPE_CHECKING:
@@ -126,7 +125,7 @@ class Reached(NamedTuple):
         for rod in self.rods:
             length = hypot(*[x[0] for x in rod])
             ways = [[x[1 + joint] / length for x in rod] for joint in range(n)]
-            found.append(Change(ways, _largest(ways), hypot(*[besides(n, x) for x in rod]) / length))
+            found.append(Change(ways, largest_sum(ways), hypot(*[besides(n, x) for x in rod]) / length))
         return found
 
     @property
@@ -147,7 +146,7 @@ def reached(at: Posture, rods: Sequence[Rod], arm: float = 0.0) -> Reached | Non
     platform that turns; its effect on their ends is in `Rod.aside`. Machine code answers where there is some.
     """
     n, dims, m = len(rods), len(rods[0].near), len(at.screws[0])
-    code = code_for(n, dims, m)
+    code = codes_for(n, dims, m).get("reached")
     if code is not None:
         found = code(numbers_of(at, rods, arm))
         if found is None:
@@ -439,12 +438,6 @@ def _turned_back(n: int, turned: tuple[Quadratic, Quadratic], rod: Sequence[Quad
     """A vector, seen from a turned platform: cos and sin of its turn."""
     (c, s), (x, y, *level) = turned, rod
     return [plus(multiplied(n, c, x), multiplied(n, s, y)), minus(multiplied(n, c, y), multiplied(n, s, x)), *level]
-
-
-def _largest(ways: Sequence[Sequence[float]]) -> float:
-    """Upper bound of the size of a sum of vectors with any signs."""
-    square = sum([sum(map(mul, way, way)) for way in ways])
-    return sqrt(square + 2.0 * sum([abs(sum(map(mul, a, b))) for a, b in combinations(ways, 2)]))
 
 
 def _product(a: Sequence[float], b: Sequence[float]) -> float:

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import inf, nan, sqrt
+from operator import mul
 
 Quadratic = list[float]
 
@@ -28,6 +29,11 @@ def numbers(n: int, m: int) -> int:
 def polynomial(n: int) -> int:
     """How many numbers come before those of the other effects."""
     return 1 + n + n * (n + 1) // 2
+
+
+def effects(n: int, a: Quadratic) -> int:
+    """How many other effects a quantity in n joints has."""
+    return len(a) - polynomial(n) - 1
 
 
 def plus(a: Quadratic, b: Quadratic) -> Quadratic:
@@ -117,17 +123,17 @@ def aside(n: int, a: Quadratic) -> float:
     return size
 
 
-def value_at(a: Quadratic, s: Sequence[float]) -> float:
-    """Its polynomial at a point of the box."""
-    n = len(s)
-    found, place = a[0], 1 + 2 * n
-    for j in range(n):
-        found += s[j] * (a[1 + j] + s[j] * a[1 + n + j])
-    for k in range(n):
-        for j in range(k):
-            found += a[place] * s[j] * s[k]
-            place += 1
+def monomials(s: Sequence[float]) -> list[float]:
+    """At a point of the box, in the order of the numbers of a quantity: with them, `value_at` has its polynomial."""
+    found = [1.0, *s, *[x * x for x in s]]
+    for k in range(1, len(s)):
+        found += [x * s[k] for x in s[:k]]
     return found
+
+
+def value_at(a: Quadratic, terms: Sequence[float]) -> float:
+    """Its polynomial where the `monomials` are these."""
+    return sum(map(mul, terms, a), 0.0)
 
 
 def norm(*parts: float) -> float:

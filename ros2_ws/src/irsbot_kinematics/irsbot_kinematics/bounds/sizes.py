@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import product
+from itertools import combinations, product
 from math import hypot, sqrt
 from operator import mul
 from typing import TYPE_CHECKING
 
+from irsbot_kinematics.bounds.quadratics import norm
+
 if TYPE_CHECKING:
     from irsbot_kinematics.mechanism import Floats
+
+LEAST = 1e-300
+"""A square that is not 0 in effect: a larger divisor only lowers a bound."""
 
 
 def least_singular(matrix: Sequence[Floats], ways: Sequence[Sequence[Floats]], rest: float) -> float:
@@ -27,13 +32,16 @@ def least_singular(matrix: Sequence[Floats], ways: Sequence[Sequence[Floats]], r
                 x, y = x + s * way[k][0], y + s * way[k][1]
             a, b, c = a + x * x, b + x * y, c + y * y
             for u, v in columns:
-                square += (u * y - v * x) ** 2
+                part = u * y - v * x
+                square += part * part
             columns.append((x, y))
         # the product of both eigenvalues, without cancellation, over the larger one
-        larger = 0.5 * (a + c + hypot(a - c, 2.0 * b))
-        values.append(square / larger if larger > 0.0 else 0.0)
+        larger = 0.5 * (a + c + norm(a - c, 2.0 * b))
+        values.append(square / max(larger, LEAST))
     least = _least_of_two(values, sizes) if len(ways) == 2 else min(values) - sum(sizes)
-    left = (sqrt(least) if least > 0.0 else 0.0) - rest
+    if not least > 0.0:
+        return 0.0
+    left = sqrt(least) - rest
     return left if left > 0.0 else 0.0
 
 
@@ -55,6 +63,12 @@ def _least_of_two(values: Sequence[float], sizes: Sequence[float]) -> float:
         if abs(x) < 1.0 and abs(y) < 1.0:
             points.append((x, y))
     return min([m + p * x + q * y + r * x * y - (1.0 - x * x) * e - (1.0 - y * y) * f for x, y in points])
+
+
+def largest_sum(ways: Sequence[Sequence[float]]) -> float:
+    """Upper bound of the size of a sum of vectors with any signs."""
+    square = sum([sum(map(mul, way, way)) for way in ways])
+    return sqrt(square + 2.0 * sum([abs(sum(map(mul, a, b))) for a, b in combinations(ways, 2)]))
 
 
 def distances(x: Sequence[float], moves: Sequence[Sequence[float]], rest: float) -> tuple[float, float]:

@@ -10,7 +10,8 @@ from pathlib import Path
 
 from irsbot_kinematics.bounds.box_code import SHAPES, library_for
 from irsbot_kinematics.errors import NotCompiled
-from irsbot_kinematics.machine_code.box_source import Shape, c_source
+from irsbot_kinematics.machine_code.box_functions import Shape
+from irsbot_kinematics.machine_code.box_source import c_source
 from irsbot_kinematics.machine_code.compiler import compile_library, compiler
 
 OPTIONS = ("-O1", "-std=gnu11", "-shared", "-fPIC", "-ffp-contract=off")

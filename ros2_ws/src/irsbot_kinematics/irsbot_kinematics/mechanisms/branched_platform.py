@@ -11,15 +11,15 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Sequence
 from functools import lru_cache
-from math import copysign, cos, hypot, inf, nan, pi, remainder, sin, sqrt, tau
+from math import cos, hypot, inf, nan, pi, remainder, sin, sqrt, tau
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from irsbot_kinematics import statics
-from irsbot_kinematics.bounds.boxes import reached
-from irsbot_kinematics.bounds.quadratics import aside, norm, value_at
+from irsbot_kinematics.bounds.boxes import Reached, reached
+from irsbot_kinematics.bounds.quadratics import aside, monomials, norm, value_at
 from irsbot_kinematics.mechanism import Coordinate, Cuspidal, Floats, Legs, Posture, Status, meant, sign_of
 from irsbot_kinematics.mechanisms.turning_platform import TurningPlatform
 from irsbot_kinematics.numerics.arithmetic import ARRAYS, FLOATS, Arithmetic, Array, N
@@ -44,6 +44,10 @@ FOLLOW = 4
 """Number of steps with the neighbour's screws, and of Newton steps after them, at most."""
 HALVINGS = 6
 """How often the path from a neighbour is halved before the branch counts as lost."""
+SPLIT = 2.0**23 + 1.0
+"""1: x SPLIT - (x SPLIT - x) are the first 30 binary digits of x, rounded."""
+WIDER = 1.0 + 2.0**-29
+"""1: by this factor the box of a step is larger than these digits, so that it holds the step."""
 TURN_DIGITS = 9
 """Digits after the point, rad, to which sizes of turns are compared: symmetric machines turn by the same angle to both
 sides."""
@@ -67,6 +71,22 @@ class Poses(NamedTuple):
     """(N,) True if the joints determine the pose."""
 
 
+class _Ahead(NamedTuple):
+    """What is proved of steps from a posture, whatever their signs."""
+
+    at: Posture
+    half: Floats
+    """rad or m: largest sizes of the joints' steps."""
+    move: float
+    """m: of the platform, by the first bounds; infinite if these prove nothing."""
+    turn: float
+    """rad."""
+    rod: float
+    """m: the shortest."""
+    met: Reached | None
+    """By the bounds of third order, where the first ones prove nothing."""
+
+
 class BranchedPlatform(TurningPlatform):
     """All assembly modes and the branch between them; the legs are in the subclasses."""
 
@@ -75,6 +95,8 @@ class BranchedPlatform(TurningPlatform):
     """B_i relative to the platform point for turn 0, m."""
     size_m: float
     """m: approximate size of the robot; polynomials and closure errors are divided by it."""
+    _last: _Ahead | None = None
+    """Of the last box: the halves of a box are reached from its middle by steps of the same size."""
 
     def __init__(self, corners: Sequence[Point], joints: Sequence[Coordinate], size_m: float) -> None:
         """corners: B_i seen from the platform point, m; joints: of every leg; size_m: about the size of the robot, m.
@@ -206,10 +228,12 @@ class BranchedPlatform(TurningPlatform):
     def _follow(self, joints: Floats, at: Posture) -> Posture | None:
         """One proved step, or None: first order, steps with the screws of `at`, then Newton steps."""
         ahead = [q - before for q, before in zip(joints, at.joints, strict=True)]
-        asked = self.travel_of(at, [abs(way) for way in ahead], 0.0)
-        d, t = self.box(at, asked)
+        half, proved = _box_of(ahead), self._last
+        if proved is None or not (proved.at is at and proved.half == half):
+            self._last = proved = self._ahead(at, half)
+        d, t = proved.move, proved.turn
         if not d + t < inf:
-            return self._leap(joints, at, ahead, asked.rod) if asked.rod > 0.0 else None
+            return self._leap(joints, ahead, proved)
         det, columns = statics.cofactors(at.screws)
         rods = self.rods(FLOATS, joints)
         pose, drive = at.pose, [-(lever * way) for lever, way in zip(at.levers, ahead, strict=True)]
@@ -235,18 +259,26 @@ class BranchedPlatform(TurningPlatform):
             found = self.at(joints, pose, at.assembly_mode, at.gaps)  # type: ignore[arg-type]
         return found
 
-    def _leap(self, joints: Floats, at: Posture, ahead: Sequence[float], rod: float) -> Posture | None:
-        """One step with the proof of `boxes`, which reaches much farther; None if it proves none. rod: m, least length.
+    def _ahead(self, at: Posture, half: Floats) -> _Ahead:
+        """What is proved of steps by at most `half`."""
+        _, _, rod = asked = self.travel_of(at, half, 0.0)
+        d, t = self.box(at, asked)
+        proved = d + t < inf or not rod > 0.0
+        return _Ahead(at, half, d, t, rod, None if proved else reached(at, self.rods_of(at, half, 0.0)))
 
-        The box around `at` has the joints in a corner. On the way there is no Type 2, and the pose ends in a set about
-        a polynomial. Another pose in it would hold the end of some rod at a distance E, with r.e = -|e|^2/(2 L) for
-        every rod, so that E <= rate (E^2/(2 rod) + E^2/(2 radius)), rate from A^-1: the set is too small for that.
+    def _leap(self, joints: Floats, ahead: Sequence[float], proved: _Ahead) -> Posture | None:
+        """One step with the proof of `boxes`, which reaches much farther; None if it proves none.
+
+        The box around `at` has the joints next to a corner. On the way there is no Type 2, and the pose ends in a set
+        about a polynomial. Another pose in it would hold the end of some rod at a distance E, with r.e = -|e|^2/(2 L)
+        for every rod, so that E <= rate (E^2/(2 rod) + E^2/(2 radius)), rate from A^-1: the set is too small for that.
         """
-        n, met = len(joints), reached(at, self.rods_of(at, tuple([abs(way) for way in ahead]), 0.0))
+        n, at, met, rod = len(joints), proved.at, proved.met, proved.rod
         if met is None or not met.type2 > 0.0:
             return None
-        signs = [copysign(1.0, way) for way in ahead]
-        step, size = tuple([value_at(x, signs) for x in met.pose]), [aside(n, x) for x in met.pose]
+        shares = [way / most if most > 0.0 else 0.0 for way, most in zip(ahead, proved.half, strict=True)]
+        terms = monomials(shares)
+        step, size = tuple([value_at(x, terms) for x in met.pose]), [aside(n, x) for x in met.pose]
         found = self._closed(joints, _moved(at.pose, step), at)
         off = [abs(there - here - way) for there, here, way in zip(found.pose, at.pose, step, strict=True)]
         inside = [x <= most + CLOSURE_TOL_M for x, most in zip(off[:-1], size[:-1], strict=True)]
@@ -321,6 +353,12 @@ def _copies(pose: Sequence[Array], valid: NDArray[np.bool_], left: Array) -> NDA
         repeats &= np.abs(column[:, :, None] - column[:, None, :]) <= SAME_POSE_TOL
     copies: NDArray[np.bool_] = np.asarray(repeats.any(axis=2))
     return copies
+
+
+def _box_of(ahead: Sequence[float]) -> Floats:
+    """Sizes of the box of a step: those of a step back, too, although that differs by rounding."""
+    parts = [SPLIT * abs(way) for way in ahead]
+    return tuple([WIDER * (part - (part - abs(way))) for part, way in zip(parts, ahead, strict=True)])
 
 
 def _moved(pose: Floats, step: Floats) -> Floats:

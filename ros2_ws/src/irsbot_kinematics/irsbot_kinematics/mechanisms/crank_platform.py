@@ -10,8 +10,8 @@ from collections.abc import Sequence
 from math import cos, hypot, inf, sin, sqrt
 
 from irsbot_kinematics.bounds.boxes import Reached, Rod
+from irsbot_kinematics.bounds.cranks import Crank, levers_over
 from irsbot_kinematics.bounds.displacement import EXACT, Errors, lowered
-from irsbot_kinematics.bounds.quadratics import Quadratic, least, minus, multiplied, scaled
 from irsbot_kinematics.mechanism import Coordinate, Floats, Posture, Signs
 from irsbot_kinematics.mechanisms.branched_platform import BranchedPlatform, Point
 from irsbot_kinematics.mechanisms.turning_platform import Travel
@@ -99,15 +99,12 @@ class CrankPlatform(BranchedPlatform):
 
     def sines_over(self, at: Posture, travel: Sequence[float], met: Reached, slack_m: float) -> Floats:
         """The sine is the cross product of the directions of crank and rod, seen from above."""
-        n, floors = len(travel), []
-        for i, (q, h, (x, y, *_), longest) in enumerate(zip(at.joints, travel, met.rods, met.longest, strict=True)):
-            along, up = _direction(i, n, len(x), cos(q), -sin(q), h), _direction(i, n, len(x), sin(q), cos(q), h)
-            lever = minus(multiplied(n, x, up), multiplied(n, y, along))
-            if at.normalised_levers[i] < 0.0:
-                lever = scaled(lever, -1.0)
-            sine = least(n, lever)
-            floors.append(sine / longest if sine > 0.0 else 0.0)
-        return tuple(floors)
+        cranks = [
+            Crank(cos(q), sin(q), h, -1.0 if sine < 0.0 else 1.0)
+            for q, h, sine in zip(at.joints, travel, at.normalised_levers, strict=True)
+        ]
+        levers = levers_over(met.rods, cranks)
+        return tuple([x / longest if x > 0.0 else 0.0 for x, longest in zip(levers, met.longest, strict=True)])
 
     def sine_floors(self, at: Posture, travel: Sequence[float], turn_rad: float, slack_m: float = 0.0) -> Floats:
         """The sine is |elevation| of the rod over the upright plane through its crank: both turn by bounded angles."""
@@ -127,11 +124,3 @@ class CrankPlatform(BranchedPlatform):
             near, far = hypot(r - l1, z) + ball, hypot(r + l1, z) - ball
             least = min(least, (far - l2) * (far + l2) * (l2 - near) * (l2 + near))
         return (ball, (1.0 + 2.0 * l1 * l2 / sqrt(least)) / l2) if least > 0.0 else (0.0, inf)
-
-
-def _direction(joint: int, n: int, size: int, value: float, slope: float, travel: float) -> Quadratic:
-    """A coordinate of the direction of a crank over the travel of its joint."""
-    found = [0.0] * size
-    found[0], found[1 + joint], found[1 + n + joint] = value, travel * slope, -0.5 * travel * travel * value
-    found[-1] = travel * travel * travel / 6.0
-    return found

@@ -16,8 +16,8 @@ from typing import ClassVar
 
 import numpy as np
 
+from irsbot_kinematics.bounds import couples
 from irsbot_kinematics.bounds.boxes import Reached
-from irsbot_kinematics.bounds.sizes import least_singular
 from irsbot_kinematics.mechanism import Floats, Legs, Posture
 from irsbot_kinematics.mechanisms.branched_platform import BY_A_LOOP, TINY
 from irsbot_kinematics.mechanisms.crank_platform import CrankPlatform
@@ -149,27 +149,8 @@ class Ruu4(CrankPlatform):
         return max(at.constraint - sqrt(0.5 * changes), 0.0)
 
     def constraint_over(self, at: Posture, met: Reached) -> float:
-        """The margin is the second singular value of the directions of the rods' horizontal parts, over sqrt 2. Of a
-        direction that changes by w across a horizontal part h the first derivative is w/h, and what w^2 adds is at most
-        (w/h)^2/sqrt 3 over (1 - |change|/h)^2, because the second derivatives of the unit vector along a vector are at
-        most 2/sqrt 3 over its size squared."""
-        columns: list[Floats] = []
-        changes = met.changes
-        ways: list[list[Floats]] = [[] for _ in changes]
-        room = 0.0
-        for (rx, ry, *_), rod in zip(at.screws, changes, strict=True):
-            level = hypot(rx, ry) + TINY
-            x, y = rx / level, ry / level
-            columns.append((x, y))
-            for way, (wx, wy, *_) in zip(ways, rod.ways, strict=True):
-                across = (x * wy - y * wx) / level
-                way.append((-y * across, x * across))
-            share = (rod.most + rod.rest) / level
-            if not share < 1.0:
-                return 0.0
-            rest = rod.rest / level + share * share / (sqrt(3.0) * (1.0 - share) * (1.0 - share))
-            room += rest * rest
-        return least_singular(columns, ways, sqrt(room)) / sqrt(2.0)
+        """The margin is the second singular value of the directions of the rods' horizontal parts, over sqrt 2."""
+        return couples.least_over(met.rods) / sqrt(2.0)
 
     def clearance(self, at: Posture) -> float:
         """Constraints, besides: the horizontal part of a rod is at least its sine, and both are bounded in the ball of

@@ -15,6 +15,7 @@ import numpy as np
 
 from irsbot_kinematics.bounds.boxes import Reached, Rod
 from irsbot_kinematics.bounds.displacement import CHORD, Errors, lowered
+from irsbot_kinematics.bounds.quadratics import besides
 from irsbot_kinematics.mechanism import CertifiedBounds, Coordinate, Floats, Legs, Posture, Signs
 from irsbot_kinematics.mechanisms.branched_platform import TINY, BranchedPlatform, Point
 from irsbot_kinematics.mechanisms.geometry_checks import require, require_finite, require_size
@@ -238,17 +239,18 @@ class SlidingPlatform(BranchedPlatform):
 
     def sines_over(self, at: Posture, travel: Sequence[float], met: Reached, slack_m: float) -> Floats:
         """The sine of a carriage is linear in its rod as a vector, over the rod's length; rails that are off turn."""
-        floors = []
-        legs = zip(self.rails, self.joints, at.type1, met.changes, self._lengths(at), met.longest, strict=True)
-        for rail, joint, sine, rod, length, longest in legs:
+        n, floors = len(travel), []
+        legs = zip(self.rails, self.joints, at.type1, met.rods, self._lengths(at), met.longest, strict=True)
+        for rail, joint, sine, (x, y, *_), length, longest in legs:
             if rail is None:
                 floors.append(1.0)
                 continue
             ux, uy = rail.way
-            least = (
-                max(sine - sum([abs(ux * x + uy * y) for x, y, *_ in rod.ways], 0.0) - rod.rest, 0.0) * length / longest
-            )
-            turn = _rail_errors(joint, joint.lower, 0.0, sqrt(2.0) * slack_m)[1]
+            along = sine * length - abs(ux) * besides(n, x) - abs(uy) * besides(n, y)
+            for k in range(1, 1 + n):
+                along -= abs(ux * x[k] + uy * y[k])
+            least = along / longest if along > 0.0 else 0.0
+            turn = _rail_errors(joint, joint.lower, 0.0, sqrt(2.0) * slack_m)[1] if slack_m else 0.0
             floors.append(lowered(least, turn) if slack_m else least)
         return tuple(floors)
 

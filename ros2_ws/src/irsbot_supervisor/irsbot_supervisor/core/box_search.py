@@ -57,6 +57,8 @@ class Search:
         self._middle = tuple([0.5 * (a + b) for a, b in zip(low, high, strict=True)])
         self._half = tuple([0.5 * (b - a) for a, b in zip(low, high, strict=True)])
         self._boxes: list[Box] = []
+        self._wanted: Margins | None = None
+        self._spares: list[float] = []  # of the first boxes, from what is wanted
         self._at = near  # in the middle, once that is known
         self._around: list[tuple[Posture, Posture]] = []  # neighbours of the middle, once a descent needs them
         self._met: Margins = (inf,) * 4  # smallest margins of all postures that have been looked at
@@ -77,13 +79,15 @@ class Search:
             self._begin(goal)
         while not self._nothing:
             wanted = _in_question(self._met, goal)
-            worst = min(self._boxes, key=lambda box: spare_of(box.certified, wanted))
-            if (spare := spare_of(worst.certified, wanted)) >= 0.0:
+            place = self._worst(wanted)
+            worst, spare = self._boxes[place], self._spares[place]
+            if spare >= 0.0:
                 return wanted == goal
             if not spare < 0.0:
                 return False
             if not worst.sharp:
-                self._boxes[self._boxes.index(worst)] = self._sharpened(worst)
+                self._boxes[place] = sharpened = self._sharpened(worst)
+                self._spares[place] = spare_of(sharpened.certified, wanted)
                 continue
             if self.cuts >= cuts:
                 return False
@@ -91,8 +95,15 @@ class Search:
             if unseen := short - self._looked:  # a corner without a posture ends the search before any cut
                 self._descend(min(unseen))
             else:
-                self._cut(worst, wanted)
+                self._cut(place, wanted)
         return False
+
+    def _worst(self, wanted: Margins) -> int:
+        """Place of the box with the least to spare."""
+        if wanted != self._wanted:
+            self._wanted, self._spares = wanted, []
+        self._spares += [spare_of(box.certified, wanted) for box in self._boxes[len(self._spares) :]]
+        return self._spares.index(min(self._spares))
 
     def keeps(self, limits: Margins) -> bool:
         """True if all postures that have been looked at have these margins at least."""
@@ -148,10 +159,10 @@ class Search:
         self._met = smallest_margins([self._met, margins_of(at)])
         return True
 
-    def _cut(self, box: Box, wanted: Margins) -> None:
+    def _cut(self, place: int, wanted: Margins) -> None:
         """Cut a box in two halves, across the joint that moves its leg farthest."""
         self.cuts += 1
-        self._boxes.remove(box)
+        box, _ = self._boxes.pop(place), self._spares.pop(place)
         levers = zip(box.half, box.at.levers, strict=True)
         lengths = [half * max(abs(lever), LEAST_LEVER * self._mechanism.length_m) for half, lever in levers]
         joint = lengths.index(max(lengths))
