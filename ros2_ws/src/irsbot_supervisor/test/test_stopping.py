@@ -479,8 +479,8 @@ def test_where_no_limit_is_near_a_false_stop_is_worth_more_cuts(name: str) -> No
     assert proved >= 0.8 * tried
 
 
-def test_a_box_that_needed_more_cuts_leaves_all_its_parts_to_the_next() -> None:
-    """Twice as many boxes as parts were bounded on the way to them."""
+def test_a_box_that_needed_more_cuts_leaves_all_its_parts_to_the_next_unless_a_limit_is_near() -> None:
+    """Twice as many boxes as parts were bounded on the way to them. Near a limit a sample has the usual work again."""
     tried = 0
     for name in TO_BE_CUT:
         for counted, predictor, at, box, stop in clear_of_the_limits(name):
@@ -490,6 +490,13 @@ def test_a_box_that_needed_more_cuts_leaves_all_its_parts_to_the_next() -> None:
             if proved and needed > 2 * (2 * CUTS_OF_A_SAMPLE - 1):
                 predictor.renew(at, *box)
                 assert counted.boxes <= needed // 2 + 1
+                predictor._goals = tuple(
+                    goal._replace(clear=(inf,) * 4) for goal in predictor._goals
+                )  # now one is near
+                predictor.renew(at, *box)
+                counted.boxes = 0
+                predictor.renew(at, *box)
+                assert counted.boxes <= 1 + 2 * CUTS_OF_A_SAMPLE
                 tried += 1
     assert tried >= 3, "fewer parts are always enough: the fixture proves nothing"
 

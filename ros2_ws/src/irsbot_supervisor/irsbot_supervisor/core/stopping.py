@@ -33,9 +33,9 @@ from irsbot_supervisor.core.settings import Settings, is_time_for
 CUTS_OF_A_SAMPLE = 12
 """Number of cuts for one sample in total, if its time is not limited: the robot moves during the computation."""
 
-CUTS_IF_CLEAR = 48
+CUTS_IF_CLEAR = 80
 """The same where no posture that was looked at comes near the limits. A stop would be false there, so it is worth more
-time; near a limit a stop is due soon, and more cuts would only delay it."""
+time; near a limit a stop is due soon, and more cuts would only delay it. Also where no robot waits for the answer."""
 
 CLEAR_OF_STOP, CLEAR_OF_WARNING = 1.2, 1.5
 """1: multiples of the stop and warning limits. If all margins within reach keep them, a stop or a warning is false: row
@@ -57,9 +57,6 @@ give more."""
 
 HALVINGS = 3
 """Number of times that a path with constant rates is halved where its bounds do not suffice."""
-
-PATIENT_CUTS = 60
-"""Number of cuts where no robot waits for the answer."""
 
 
 class Known(NamedTuple):
@@ -104,7 +101,7 @@ class StoppingPredictor:
         self._flicker = (settings.encoder_resolution,) * len(mechanism.joints)  # rad or m, of a resting joint
         self.known: Known | None = None  # the last box
         self.in_vain: Known | None = None  # a wider box whose proof failed
-        self.allow(PATIENT_CUTS if patient else cuts_of(settings))
+        self.allow(CUTS_IF_CLEAR if patient else cuts_of(settings))
         self._cut: tuple[tuple[Floats, Floats], tuple[Part, ...]] | None = None  # the last box that was cut
 
     def allow(self, cuts: int) -> None:
@@ -165,7 +162,8 @@ class StoppingPredictor:
         here = tuple(map(sub, low, self._flicker)), tuple(map(add, high, self._flicker))
         search = self._bounds.search(at, *here, self._parts(low, high))
         goal = next((goal for goal in self._goals if goal.is_proved_by(search)), None)
-        most = self._cuts if goal is None else max(self._cuts, search.cuts)
+        clear = goal is not None and search.keeps(no_stop.clear)
+        most = max(self._cuts, search.cuts) if clear else self._cuts
         self._cut = here, search.parts((goal or no_stop).margins, 1 + int(KEPT * 2 * most))
         share = SMALLER if goal == no_warning else HARDLY_SMALLER
         if goal is not None and wide is not None:
