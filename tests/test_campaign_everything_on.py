@@ -61,10 +61,10 @@ def test_losses_and_latency_are_counted(tmp_path: Path) -> None:
             bag.add("/joint_states", sample, sample.received_ns)
             state = supervisor.step(sample).state
             assert state is not None
-            if number not in (30, 70):  # was lost
+            if number not in (30, 70, *range(80, 88)):  # 80 to 83 were old when 88 was judged, the others were lost
                 bag.add("/supervisor/state", state._replace(compute_time=0.0), sample.received_ns)
     found = campaign().judgement(tmp_path / "bag")
-    assert (found.samples, found.unjudged, found.unsent, found.skipped) == (97, 2, 3, 0)
+    assert (found.samples, found.unjudged, found.lost, found.unsent, found.skipped) == (97, 10, 6, 3, 0)
     assert found.latency_ms == pytest.approx(1e-6 * LATE_NS)
 
 
@@ -83,7 +83,7 @@ def test_a_short_run_shows_memory_latency_and_loss(tmp_path: Path) -> None:
     assert int(received.replace(",", "")) > 0
     (samples,) = re.findall(r"^([\d,]+) joint states", done.stdout, re.MULTILINE)
     assert int(samples.replace(",", "")) > 1000
-    assert re.search(r"^\d+ were skipped for newer ones", done.stdout, re.MULTILINE)
+    assert re.search(r"^\d+ were lost; the others were older than 5 ms", done.stdout, re.MULTILINE)
     assert [path.name for path in (tmp_path / "run").iterdir()] == ["logs"]
 
 

@@ -4,9 +4,9 @@
 
 Starts `up --web --foxglove`: simulated joints, kinematics, supervisor, recorder, live page, server for Foxglove. A
 client of Foxglove receives every channel; a Chromium shows the live page if there is one. The memory of every node is
-sampled once a second. Latency and loss come from the recorded bag, which is removed afterwards: also how many samples
-the supervisor skipped for newer ones, by its own count. Exit code 1 if a sample was lost, or if a node grew; 2 if the
-run could not be made.
+sampled once a second. Latency and loss come from the recorded bag, which is removed afterwards. The supervisor passes
+over samples that are old when a newer one waits: such a sample has no state, but is not lost. Exit code 1 if a sample
+was lost, or if a node grew; 2 if the run could not be made.
 """
 
 from __future__ import annotations
@@ -40,6 +40,7 @@ from irsbot_msgs_py.records import JointSample, SingularityState
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.bag.bag import Bag
 from irsbot_supervisor.cli.run_folder import BAG
+from irsbot_supervisor.nodes.samples import LATE_NS
 from irsbot_supervisor.processes.suite import free_domain
 from irsbot_supervisor.validation.with_nodes.soak import GROWTH_MB
 
@@ -53,6 +54,8 @@ EDGES_MS = (0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0, 30.0, math.i
 """Upper edges of the histogram."""
 SHARES = {"p50": 50.0, "p99": 99.0, "p99.9": 99.9, "worst": 100.0}
 """Percentiles that are printed."""
+OLD_MS = LATE_NS * 1e-6
+"""An older sample is not judged if a newer one waits."""
 BAR = 50
 """Number of characters of its longest bar."""
 
@@ -67,8 +70,11 @@ class Judged(NamedTuple):
     """Number of recorded joint states between the first and the last state that no recorded state belongs to."""
     unsent: int
     """Number of periods without a joint state: the simulation was late, or the recorder lost it."""
+    lost: int
+    """Number of joint states without a state that were not old when the next one was judged."""
     skipped: int
-    """Number of joint states that the supervisor skipped for newer ones, by its last diagnostics."""
+    """Number of joint states that the supervisor skipped for newer ones, by its last diagnostics; its queue keeps the
+    newest, and older ones do not come to its notice."""
 
 
 def main() -> int:
@@ -97,7 +103,7 @@ def main() -> int:
     shutil.rmtree(stated.out / BAG)
     show_latency(judged)
     print(f"load of the machine: {psutil.getloadavg()[0]:.1f} on {psutil.cpu_count()} cores")
-    return 1 if grown or judged.unjudged or judged.unsent else 0
+    return 1 if grown or judged.lost or judged.unsent else 0
 
 
 def fail(reason: str) -> NoReturn:
@@ -207,13 +213,27 @@ def judgement(bag: Path) -> Judged:
     first, last = min(judged), max(judged)
     between = sorted(stamp for stamp in sent if first <= stamp <= last)
     periods = np.round(np.diff(between) / (PERIOD_S * NS_PER_S))
+    ages = ages_when_passed(between, judged)
     return Judged(
         np.array(list(judged.values())),
         len(between),
-        sum(stamp not in judged for stamp in between),
+        len(ages),
         int(np.maximum(periods - 1.0, 0.0).sum()),
+        sum(age <= OLD_MS for age in ages),
         max(skipped, default=0),
     )
+
+
+def ages_when_passed(sent: list[int], latency_ms: dict[int, float]) -> list[float]:
+    """Ages, ms, of the joint states without a state when the state of the next judged one was published. sent: stamps,
+    ns, in order. latency_ms: of the judged ones, by stamp."""
+    ages, published_ms = [], math.nan
+    for stamp in reversed(sent):
+        if stamp in latency_ms:
+            published_ms = 1e3 * stamp / NS_PER_S + latency_ms[stamp]
+        else:
+            ages.append(published_ms - 1e3 * stamp / NS_PER_S)
+    return ages
 
 
 def skipped_in(diagnostics: bytes) -> int | None:
@@ -234,7 +254,8 @@ def show_latency(judged: Judged) -> None:
         label = f"< {edge:g} ms" if edge < math.inf else f">= {EDGES_MS[-2]:g} ms"
         print(f"  {label:>10} {count:10,} {'#' * math.ceil(BAR * count / counts.max())}")
     print(f"{judged.samples:,} joint states, {judged.unjudged} without a state, {judged.unsent} periods without one")
-    print(f"{judged.skipped} were skipped for newer ones, which are judged instead")
+    print(f"{judged.lost} were lost; the others were older than {OLD_MS:g} ms when a newer one was judged")
+    print(f"{judged.skipped} were skipped by the supervisor's own count; the others fell out of its queue")
 
 
 if __name__ == "__main__":
