@@ -250,8 +250,9 @@ class SlidingPlatform(BranchedPlatform):
             for k in range(1, 1 + n):
                 along -= abs(ux * x[k] + uy * y[k])
             least = along / longest if along > 0.0 else 0.0
-            turn = _rail_errors(joint, joint.lower, 0.0, sqrt(2.0) * slack_m)[1] if slack_m else 0.0
-            floors.append(lowered(least, turn) if slack_m else least)
+            if slack_m:
+                least = lowered(least, _rail_errors(joint, joint.lower, 0.0, sqrt(2.0) * slack_m)[1])
+            floors.append(least)
         return tuple(floors)
 
     def limb_floors(self, at: Posture, travel: Sequence[float], slack_m: float, type1: Floats) -> Floats:
