@@ -27,6 +27,8 @@ from supervised import (
 
 from irsbot_msgs_py.records import Cause, Level, Restart
 from irsbot_supervisor.bag.journal import JournalError, read_entry, write_entry
+from irsbot_supervisor.configuration.loading import read_settings
+from irsbot_supervisor.validation.in_process.loci import Stand
 
 # --- stop and reset ---------------------------------------------------------------------------------------------
 
@@ -118,6 +120,18 @@ def test_no_stop_is_reset_while_its_cause_is_there():
     steps = feed(supervisor, resting(100, 400, near))
     assert min(steps[-1].state.type1_margin) < 0.15, "the robot is not near: the fixture proves nothing"
     assert "still there" in supervisor.step(reset(400, newest(steps).event)).refusal
+
+
+def test_a_reset_may_take_more_cuts_than_a_sample():
+    """At rest in front of a limit, which 12 cuts do not prove to be far enough, after the encoders had jumped."""
+    settings, robot = read_settings("rrr3_base")
+    place = (-2.321354212617107, -2.468769582307453, -1.3599758075247117)
+    stand = Stand(robot, settings)
+    assert stand.stand(place)
+    assert not stand.stand(robot.inverse(robot.direct(place, settings.assembly_mode), (1, 1, -1)))
+    assert not stand.stand(place), "latched"
+    assert stand.reset() == ""
+    assert stand.stand(place)
 
 
 def test_a_refused_reset_confirms_nothing():

@@ -109,6 +109,11 @@ class StoppingPredictor:
         self._cuts, self._goals = cuts, goals_of(self._settings, cuts)
         self.known = self.in_vain = None
 
+    def hurry(self) -> None:
+        """From now on a robot waits for the answers. What is known of the last box stays."""
+        self._cuts = cuts_of(self._settings)
+        self._goals = goals_of(self._settings, self._cuts)
+
     def predict(
         self,
         at: Posture,

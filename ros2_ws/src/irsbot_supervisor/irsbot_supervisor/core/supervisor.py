@@ -472,7 +472,8 @@ class Supervisor:
         # The operator has confirmed the branch. Visible faults, such as a wrong mode, are found again.
         assessment = self._assessor.confirmed(good.position, seen)
         at = assessment.at
-        predictor = StoppingPredictor(self.settings, self.robot.mechanism)  # nothing was proved of this branch yet
+        # Nothing was proved of this branch yet. The robot stands and is stopped: the answer may take its time.
+        predictor = StoppingPredictor(self.settings, self.robot.mechanism, patient=True)
         certified = predictor.predict(at, good.speeds, good.prediction_delay_s) if at.status == SOLVED else None
         active = self._policy.judge(good, assessment, certified, leg_forces(good.effort, at), 0)
         active += self._position.judge(good)
@@ -480,6 +481,7 @@ class Supervisor:
         refusal = self._latch.reset(reset.event, reset.seen_ns, self.standing, active)
         if not refusal or lost > self._latch.lost:
             self._assessor.confirm(seen)
+            predictor.hurry()
             self._found, self._at, self._predictor = active, at, predictor
             self._covered = certified is not None and certified[1] >= LEAST_LIMIT
         return refusal
