@@ -15,7 +15,7 @@ from irsbot_supervisor.configuration.loading import read_settings
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.validation.harness.oracle import Array, accelerations, stamp_jitter_s
 from irsbot_supervisor.validation.harness.rows import Job, Row
-from irsbot_supervisor.validation.in_process import adversary, assault, edges, reachable
+from irsbot_supervisor.validation.in_process import adversary, assault, edges, reachable, schemes
 from irsbot_supervisor.validation.in_process.deceit import BEGIN_NS, ERRORS, LAG_S, LIES, Attack, Deceit, Timing, told
 from irsbot_supervisor.validation.in_process.hostile import DrivenMotion, Push
 
@@ -227,6 +227,21 @@ def test_a_supervisor_that_holds_is_not_blamed(monkeypatch: pytest.MonkeyPatch) 
     assert row.ok, row
     assert row.figures["stopped"] > row.amount // 3, "the attack bites"
     assert row.figures["worst spare, relative to its limit"] >= 0.0
+
+
+def test_a_run_is_judged_on_the_branch_of_its_first_sample() -> None:
+    """Within the errors of the encoders this machine has two assembly modes more, and label 1 is one of them."""
+    settings, robot = read_settings("rails3", {"encoder_resolution": 5e-4, "encoder_offset": 2e-4})
+    place = np.array([0.25889133878583254, 0.6621460099081425, 0.5769714001357735])
+    assert robot.mechanism.posture(tuple(place.tolist()), settings.assembly_mode).type2 < settings.type2_stop
+    edge = edges.Edge(settings, Timing(0.001, 1, 0.0), place, place, False, np.ones(3))
+    allowed = 0
+    for seed in range(8):
+        run = assault.Run(robot, edge, schemes.Scheme(place, (), 0.01), "right", "rounded", np.random.default_rng(seed))
+        outcome = run.attack(run.lead(), (), np.zeros(3), None)
+        allowed += outcome.allowed
+        assert not outcome.allowed or outcome.spare > 1.0
+    assert allowed > 0, "the fixture proves nothing"
 
 
 def test_a_robot_that_cannot_be_switched_on_near_a_limit_comes_from_afar(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -67,15 +67,13 @@ class Run:
         self._shared = int((SHARED * SETTLING * settings.stale_s + scheme.early_s) / timing.period_s)
         number = self._warm + ceil((scheme.lead_s + RAMPAGE_S) / timing.period_s) + 2 * timing.burst
         self._deceit = Deceit.drawn(lie, errors, number, len(edge.place), rng)
+        driven = DrivenMotion(scheme.start, scheme.lead, settings)
+        (first,) = told(driven, self._unaware, self._deceit, timing, settings, self._warm, 0, 1)
+        # The first sample determines the branch: where labels are not invariant it may be another one than at the place
+        # where the robot really is.
+        self._branch = robot.mechanism.posture(first.position, settings.assembly_mode)
         self._begun = Supervisor(settings, robot)
-        self._feed(
-            self._begun,
-            DrivenMotion(scheme.start, scheme.lead, settings),
-            self._unaware,
-            0,
-            self._shared,
-            Seen(None, None, {}),
-        )
+        self._feed(self._begun, driven, self._unaware, 0, self._shared, Seen(None, None, {}))
 
     @property
     def _unaware(self) -> Attack:
@@ -158,9 +156,8 @@ class Run:
         begin_s = min(begin_s, end_s)
         looks = ceil((end_s - begin_s) / (coarser * FINE_S)) + 2
         times: Array = np.linspace(begin_s, end_s, looks, dtype=np.float64)
-        way = np.concatenate((self._scheme.start[None], driven.at(times)[0]))  # whose branch the settings name
-        stops = limits(settings, "stop")
-        spares = ((margins_along(self._robot, settings, way)[1:] - stops) / stops).min(axis=1)
+        stops, way = limits(settings, "stop"), np.concatenate((self._scheme.start[None], driven.at(times)[0]))
+        spares = ((margins_along(self._robot, settings, way, self._branch)[1:] - stops) / stops).min(axis=1)
         return float(spares.min()), float(spares[-1]) if stop is not None else np.nan
 
     def _time_s(self, k: int) -> float:
