@@ -20,8 +20,7 @@ from irsbot_kinematics.bounds.sizes import largest_sum, least_singular
 def least_over(rods: Sequence[Sequence[Quadratic]]) -> float:
     """Lower bound of the second singular value, 1; 0 if nothing is proved.
 
-    rods: as vectors, seen from the base, the first n effects are those of the joints (`boxes.Reached.rods`). Machine
-    code answers where there is some.
+    rods: m, as vectors, seen from the base: `boxes.Reached.rods`. Machine code answers where there is some.
     """
     n = len(rods)
     code = codes_for(n, len(rods[0]), effects(n, rods[0][0])).get("couples")

@@ -26,8 +26,7 @@ class Crank(NamedTuple):
 def levers_over(rods: Sequence[Sequence[Quadratic]], cranks: Sequence[Crank]) -> list[float]:
     """(n,) m: lower bounds of the levers times `side`; NaN if a number is not finite.
 
-    rods: as vectors, seen from the base, the first n effects are those of the joints (`boxes.Reached.rods`). Machine
-    code answers where there is some.
+    rods: m, as vectors, seen from the base: `boxes.Reached.rods`. Machine code answers where there is some.
     """
     n = len(rods)
     code = codes_for(n, len(rods[0]), effects(n, rods[0][0])).get("levers")
