@@ -490,9 +490,8 @@ def test_a_box_that_needed_more_cuts_leaves_all_its_parts_to_the_next_unless_a_l
             if proved and needed > 2 * (2 * CUTS_OF_A_SAMPLE - 1):
                 predictor.renew(at, *box)
                 assert counted.boxes <= needed // 2 + 1
-                predictor._goals = tuple(
-                    goal._replace(clear=(inf,) * 4) for goal in predictor._goals
-                )  # now one is near
+                near = [goal._replace(clear=(inf,) * 4) for goal in predictor._goals]
+                predictor._goals = tuple(near)
                 predictor.renew(at, *box)
                 counted.boxes = 0
                 predictor.renew(at, *box)

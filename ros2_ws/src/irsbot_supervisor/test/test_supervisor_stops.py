@@ -28,6 +28,7 @@ from supervised import (
 from irsbot_msgs_py.records import Cause, Level, Restart
 from irsbot_supervisor.bag.journal import JournalError, read_entry, write_entry
 from irsbot_supervisor.configuration.loading import read_settings
+from irsbot_supervisor.core.stopping import CUTS_OF_A_SAMPLE
 from irsbot_supervisor.validation.in_process.loci import Stand
 
 # --- stop and reset ---------------------------------------------------------------------------------------------
@@ -131,6 +132,7 @@ def test_a_reset_may_take_more_cuts_than_a_sample():
     assert not stand.stand(robot.inverse(robot.direct(place, settings.assembly_mode), (1, 1, -1)))
     assert not stand.stand(place), "latched"
     assert stand.reset() == ""
+    assert stand._supervisor._predictor._cuts == CUTS_OF_A_SAMPLE, "the next samples may not"
     assert stand.stand(place)
 
 

@@ -106,13 +106,15 @@ class StoppingPredictor:
 
     def allow(self, cuts: int) -> None:
         """Set the number of cuts for one sample. Bounds that were found with another number are forgotten."""
-        self._cuts, self._goals = cuts, goals_of(self._settings, cuts)
+        self._spend(cuts)
         self.known = self.in_vain = None
 
     def hurry(self) -> None:
         """From now on a robot waits for the answers. What is known of the last box stays."""
-        self._cuts = cuts_of(self._settings)
-        self._goals = goals_of(self._settings, self._cuts)
+        self._spend(cuts_of(self._settings))
+
+    def _spend(self, cuts: int) -> None:
+        self._cuts, self._goals = cuts, goals_of(self._settings, cuts)
 
     def predict(
         self,
