@@ -244,6 +244,18 @@ def test_a_run_is_judged_on_the_branch_of_its_first_sample() -> None:
     assert allowed > 0, "the fixture proves nothing"
 
 
+def test_a_robot_that_comes_from_afar_is_let_go_when_it_arrives() -> None:
+    """Its line to the limit may pass postures that are not allowed: where the walk is stopped the attack begins."""
+    settings, robot = read_settings("rrr3_base")
+    places = list(edges.edges(robot, settings, 12, np.random.default_rng([2, 0])))
+    afar = [place for place in places if place.afar]
+    assert len(afar) > 1, "the fixture proves nothing"
+    for place in afar:
+        rng = np.random.default_rng(3)
+        lead = assault.Run(robot, place, schemes.rest(place, rng), "missing", "rounded", rng).lead()
+        assert lead.allowed is not None
+
+
 def test_a_robot_that_cannot_be_switched_on_near_a_limit_comes_from_afar(monkeypatch: pytest.MonkeyPatch) -> None:
     row = row_against(FakeHastySupervisor, monkeypatch, 4, "irsbot2")
     assert row.unsafe == 0, row

@@ -1,4 +1,4 @@
-"""Postures at rest that a supervisor only just allows, next to a stop limit: attacks begin there."""
+"""Postures that a supervisor only just allows, next to a stop limit: attacks begin there."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from irsbot_supervisor.validation.harness.oracle import (
     margins_along,
 )
 from irsbot_supervisor.validation.in_process.deceit import Attack, Deceit, Timing, told
-from irsbot_supervisor.validation.in_process.hostile import DrivenMotion
+from irsbot_supervisor.validation.in_process.hostile import DrivenMotion, Push
 
 PERIODS_S = (0.001, 0.001, 0.002, 0.0005)
 BURSTS = (1, 1, 1, 4)
@@ -31,6 +31,8 @@ AGES_S = (0.0, 0.0005, 0.003)
 COARSE = {"encoder_resolution": 5e-4, "encoder_offset": 2e-4}
 """Encoder resolution of every fourth place."""
 
+STROLL, SETTLED_S = 0.2, 0.02
+"""1: share of full speed on the way from the base of an edge; s for which the robot then stands."""
 ASIDE_S = 0.006
 """s of full acceleration: at this distance from an edge, errors do not forbid a posture that is allowed without
 them."""
@@ -48,7 +50,7 @@ PROBE = 1e-5
 
 
 class Edge(NamedTuple):
-    """A posture at rest that is only just allowed."""
+    """A posture that is only just allowed: at rest, or to a robot that walks there slowly from the base."""
 
     settings: Settings
     timing: Timing
@@ -58,9 +60,11 @@ class Edge(NamedTuple):
     down: Array  # (n,) -1..1: steepest descent of the margin nearest its stop limit, in units of the velocity limits
 
     def back(self, seconds: float) -> Edge:
-        """The posture farther from the limit by the path of full acceleration in this time."""
-        way = 0.5 * self.down * np.array(accelerations(self.settings)) * seconds**2
-        return self._replace(place=self.place - way)
+        """The posture, and the base too, farther from the limit by the path of full acceleration in this time."""
+        path = 0.5 * np.array(accelerations(self.settings)) * seconds**2
+        place, away = self.place - self.down * path, self.base - self.place
+        farthest = np.abs(away).max()
+        return self._replace(place=place, base=self.base + (away / farthest * path if farthest > 0.0 else 0.0))
 
 
 def published(state: SingularityState | None) -> float:
@@ -79,20 +83,33 @@ def edges(robot: Robot, shipped: Settings, number: int, rng: np.random.Generator
             )
             settings = replace(shipped, dwell_s=0.0, **coarse)
             timing = Timing(float(rng.choice(PERIODS_S)), int(rng.choice(BURSTS)), float(rng.choice(AGES_S)))
-            way = (high - low) * rng.uniform(-0.5, 0.5, len(start))
-            place = _last_allowed(robot, settings, timing, start, way)
-            down = None if place is None else descent(robot, settings, place)
+            beyond = _beyond(robot, settings, start, (high - low) * rng.uniform(-0.5, 0.5, len(start)))
             tries += 1
-            if place is not None and down is not None:
-                edge = Edge(settings, timing, place, start, False, down)
-                if not _is_let_go(robot, edge, edge.back(ASIDE_S).place):
-                    if not _is_let_go(robot, edge, start):
-                        continue
-                    edge = edge._replace(base=_last_start(robot, edge), afar=True)
+            begin = Edge(settings, timing, start, start, False, np.zeros(len(start)))
+            edge = None if beyond is None else _edge(robot, begin, beyond)
+            if edge is not None:
                 yield edge
                 found, tries = found + 1, 0
             if found == number:
                 return
+
+
+def _edge(robot: Robot, begin: Edge, beyond: Array) -> Edge | None:
+    """The edge on the line from a good posture to one beyond a stop limit; None if there is none. begin: at the good
+    one."""
+    edge = _at(robot, begin, _last_allowed(robot, begin, beyond))
+    if edge is None or _is_let_go(robot, edge, edge.back(ASIDE_S).place):
+        return edge
+    if not _is_let_go(robot, edge, edge.base):
+        return None
+    afar = edge._replace(base=_last_start(robot, edge), afar=True)
+    return _at(robot, afar, _stopped_at(robot, afar, beyond))
+
+
+def _at(robot: Robot, edge: Edge, place: Array | None) -> Edge | None:
+    """The same at another place; None if no margin has a slope there."""
+    down = None if place is None else descent(robot, edge.settings, place)
+    return None if place is None or down is None else edge._replace(place=place, down=down)
 
 
 def descent(robot: Robot, settings: Settings, place: Array) -> Array | None:
@@ -109,21 +126,27 @@ def descent(robot: Robot, settings: Settings, place: Array) -> Array | None:
     return -slope / steepest if 0.0 < steepest < np.inf else None
 
 
-def _last_allowed(robot: Robot, settings: Settings, timing: Timing, start: Array, way: Array) -> Array | None:
-    """The posture on a line that is only just allowed; None if the start is not allowed, or if the line meets no stop
-    limit."""
+def _beyond(robot: Robot, settings: Settings, start: Array, way: Array) -> Array | None:
+    """The first posture beyond a stop limit on a line; None if it meets none."""
     shares = np.linspace(0.0, 1.0, LOOKS)
     crossed = (margins_along(robot, settings, start + shares[:, None] * way) < limits(settings, "stop")).any(axis=1)
-    if not crossed.any() or not _published_at(robot, settings, timing, start) >= 0.0:
+    return start + shares[crossed.argmax()] * way if crossed.any() else None
+
+
+def _last_allowed(robot: Robot, begin: Edge, beyond: Array) -> Array | None:
+    """The posture on a line that is only just allowed; None if its begin is not allowed."""
+
+    def is_allowed(share: float) -> bool:
+        place = begin.place + share * (beyond - begin.place)
+        return _published_at(robot, begin.settings, begin.timing, place) >= 0.0
+
+    if not is_allowed(0.0):
         return None
-    near, far = 0.0, float(shares[crossed.argmax()])
+    near, far = 0.0, 1.0
     for _ in range(HALVINGS):
         middle = 0.5 * (near + far)
-        if _published_at(robot, settings, timing, start + middle * way) >= 0.0:
-            near = middle
-        else:
-            far = middle
-    return start + near * way
+        near, far = (middle, far) if is_allowed(middle) else (near, middle)
+    return np.asarray(begin.place + near * (beyond - begin.place))
 
 
 def _published_at(robot: Robot, settings: Settings, timing: Timing, place: Array) -> float:
@@ -141,6 +164,32 @@ def _is_let_go(robot: Robot, edge: Edge, place: Array) -> bool:
         verdict = supervisor.step(sample).verdict
         level = level if verdict is None else verdict.level
     return level < Level.STOP
+
+
+def _stopped_at(robot: Robot, edge: Edge, beyond: Array) -> Array:
+    """Where a robot was that walks from the base to a posture beyond a limit, when its last sample was allowed."""
+    start, pushes, seconds = walk(edge, beyond)
+    settings, timing = edge.settings, edge.timing
+    number = ceil((wait_s(settings, timing) + seconds) / timing.period_s)
+    supervisor, driven, allowed = Supervisor(settings, robot), DrivenMotion(start, pushes, settings), 0
+    samples = told(driven, _at_rest(beyond), _exact(beyond, "missing"), timing, settings, number, 0, number)
+    for k, sample in enumerate(samples):
+        verdict = supervisor.step(sample).verdict
+        if verdict is not None and verdict.level < Level.STOP:
+            allowed = k
+        elif verdict is not None and allowed:
+            break
+    return np.asarray(driven.at(np.array([(allowed - number) * timing.period_s]))[0][0])
+
+
+def walk(edge: Edge, goal: Array) -> tuple[Array, tuple[Push, ...], float]:
+    """Slow motion from the base of an edge: where it starts, the pushes, and s until it ends, at rest, at time 0."""
+    settings, way = edge.settings, goal - edge.base
+    full = np.array(settings.velocity_limit)
+    seconds = float(np.abs(way / full).max()) / STROLL + SETTLED_S
+    pushes = Push(-seconds - SETTLED_S, way / seconds), Push(-SETTLED_S, 0.0 * full)
+    short = goal - DrivenMotion(edge.base, pushes, settings).at(np.zeros(1))[0][0]
+    return edge.base + short, pushes, seconds + SETTLED_S
 
 
 def _last_start(robot: Robot, edge: Edge) -> Array:
@@ -162,6 +211,14 @@ def wait_s(settings: Settings, timing: Timing) -> float:
 
 def _standing(settings: Settings, timing: Timing, place: Array, seconds: float) -> list[JointSample]:
     number = max(ceil(seconds / timing.period_s), 2 * timing.burst)
-    nothing = Deceit("right", "rounded", np.zeros(len(place)), np.empty(0), np.empty(0), np.empty(0))
-    rest = Attack(inf, np.zeros(len(place)))
-    return told(DrivenMotion(place, (), settings), rest, nothing, timing, settings, 0, 0, number)
+    driven = DrivenMotion(place, (), settings)
+    return told(driven, _at_rest(place), _exact(place, "right"), timing, settings, 0, 0, number)
+
+
+def _at_rest(place: Array) -> Attack:
+    return Attack(inf, np.zeros(len(place)))
+
+
+def _exact(place: Array, lie: str) -> Deceit:
+    """Positions without errors but those of rounding."""
+    return Deceit(lie, "rounded", np.zeros(len(place)), np.empty(0), np.empty(0), np.empty(0))

@@ -13,11 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from irsbot_supervisor.validation.harness.oracle import Array
-from irsbot_supervisor.validation.in_process.edges import Edge
+from irsbot_supervisor.validation.in_process.edges import Edge, walk
 from irsbot_supervisor.validation.in_process.hostile import DrivenMotion, Push
 
-STROLL, SETTLED_S = 0.2, 0.02
-"""1: share of full speed on the way from the base of an edge; s for which the robot then stands."""
 LEAD_S = 0.06
 """s that a lead takes at most."""
 HARDEST = 20.0
@@ -121,12 +119,8 @@ SCHEMES: tuple[Kind, ...] = (creep, rest, at_once, chatter, feint, reversal, ban
 
 def from_afar(edge: Edge, scheme: Scheme) -> Scheme:
     """The same after a slow motion from the base of an edge to the begin of the scheme."""
-    full = np.array(edge.settings.velocity_limit)
-    way = scheme.start - edge.base
-    travel_s = float(np.abs(way / full).max()) / STROLL + SETTLED_S
-    pushes = (Push(-travel_s - SETTLED_S, way / travel_s), Push(-SETTLED_S, 0.0 * full), *scheme.lead)
-    short = scheme.start - DrivenMotion(edge.base, pushes[:2], edge.settings).at(np.zeros(1))[0][0]
-    return scheme._replace(start=edge.base + short, lead=pushes, early_s=travel_s + SETTLED_S)
+    start, pushes, seconds = walk(edge, scheme.start)
+    return scheme._replace(start=start, lead=(*pushes, *scheme.lead), early_s=seconds)
 
 
 def _arriving(
