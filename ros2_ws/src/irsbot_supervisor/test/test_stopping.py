@@ -452,14 +452,14 @@ def test_a_box_that_grows_is_proved_longer_than_one_that_comes_at_once(name: str
 def clear_of_the_limits(
     name: str,
 ) -> Iterator[tuple[Counted, StoppingPredictor, irs.Posture, tuple[Floats, Floats], Margins]]:
-    """Boxes over which the cuts of one sample do not prove the stop limits, though everything met keeps 1.25 times as
+    """Boxes over which the cuts of one sample do not prove the stop limits, though everything met keeps 1.15 times as
     much; with a predictor of each, and its limits."""
     settings, robot = shipped(name)
     counted, no_limits = Counted(robot.mechanism), {f"{kind}_stop": 1e-6 for kind in ("type1", "type2", "constraint")}
     for at in postures(name, 16, least=0.2):
         _search, box, goal = search_near(name, at)
         for kind, least in zip(("type1", "type2"), goal[:2], strict=True):
-            limit = least / 1.25
+            limit = least / 1.15
             changed = replace(settings, **no_limits | {f"{kind}_stop": limit, f"{kind}_warn": 1.0})
             stop = limits_of(changed, "stop")
             hasty = StoppingPredictor(with_time_for(changed, CUTS_OF_A_SAMPLE), robot.mechanism)

@@ -37,9 +37,9 @@ CUTS_IF_CLEAR = 80
 """The same where no posture that was looked at comes near the limits. A stop would be false there, so it is worth more
 time; near a limit a stop is due soon, and more cuts would only delay it. Also where no robot waits for the answer."""
 
-CLEAR_OF_STOP, CLEAR_OF_WARNING = 1.2, 1.5
-"""1: multiples of the stop and warning limits. If all margins within reach keep them, a stop or a warning is false: row
-`clean` of the faults, which has its own copy, because an oracle does not ask whom it judges."""
+CLEAR_OF_STOP, CLEAR_OF_WARNING = 1.1, 1.25
+"""1: multiples of the stop and warning limits that are not near. Half way to those from which row `clean` of the faults
+calls a stop or a warning false (1.2, 1.5), because a box is larger than what the joints can really reach."""
 
 FOR_A_WARNING = 0.75
 """1: share of the cuts that the goal of no warning may use; the others are for the goal of no stop."""
