@@ -23,13 +23,14 @@ from irsbot_kinematics.compiled import SWITCH
 SHAPES = ((2, 2, 2), (3, 2, 3), (3, 3, 3), (4, 3, 4))
 """Number of rods, dimensions, entries of a screw."""
 
-SOURCES = (
-    "statics.py",
-    *(f"bounds/{name}.py" for name in ("box_code", "boxes", "couples", "cranks", "cubics", "quadratics", "sizes")),
-    "bounds/type2_over_box.py",
-    *(f"machine_code/{name}.py" for name in ("__main__", "box_functions", "box_source", "branching", "copies")),
-    *(f"machine_code/{name}.py" for name in ("source", "symbols")),
+EQUATIONS = (
+    "statics",
+    *(f"bounds.{name}" for name in ("boxes", "couples", "cranks", "cubics", "quadratics", "sizes", "type2_over_box")),
 )
+"""Modules from which machine code is recorded."""
+
+_RECORDER = ("__main__", "box_functions", "box_source", "branching", "copies", "source", "symbols")
+SOURCES = (*EQUATIONS, "bounds.box_code", *(f"machine_code.{name}" for name in _RECORDER))
 """Modules whose change makes the machine code outdated."""
 
 FOUND, NOTHING, UNKNOWN = 0, 1, 2
@@ -93,7 +94,7 @@ def _digest() -> str:
     """Of the sources, and of the machine."""
     found = hashlib.sha256(platform.machine().encode())
     for name in SOURCES:
-        data = (Path(__file__).parent.parent / name).read_bytes()
+        data = Path(__file__).parent.parent.joinpath(*name.split(".")).with_suffix(".py").read_bytes()
         found.update(f"{name} {len(data)} ".encode() + data)
     return found.hexdigest()[:24]
 

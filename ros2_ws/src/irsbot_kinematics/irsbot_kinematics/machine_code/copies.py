@@ -11,16 +11,12 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+from irsbot_kinematics.bounds.box_code import EQUATIONS
 from irsbot_kinematics.machine_code.branching import Recorder, Trace, all_of
 from irsbot_kinematics.machine_code.symbols import Symbol
 
 ROOT = Path(__file__).parent.parent
 PACKAGE = "irsbot_kinematics"
-EQUATIONS = (
-    "statics",
-    *(f"bounds.{name}" for name in ("quadratics", "cubics", "type2_over_box", "boxes", "sizes", "cranks", "couples")),
-)
-"""Modules that run on recording numbers."""
 
 
 class Copies:
