@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, TimeElapsedColumn
 from rich.table import Table
 
 from irsbot_kinematics import BadInput, certify_loop
@@ -30,7 +30,8 @@ from irsbot_supervisor.cli.algebra_inputs import (
     system_of,
 )
 from irsbot_supervisor.cli.algebra_pictures import cusps_of, draw_singular
-from irsbot_supervisor.cli.common import NUMBERS, Failed, err, numbers, out, print_json
+from irsbot_supervisor.cli.common import NUMBERS, Failed, numbers, out, print_json
+from irsbot_supervisor.cli.progress import Bars
 
 app = typer.Typer(
     help="Algebraic analysis of manipulators, exact: singular curves, cusps, cells. Needs python-flint.",
@@ -263,8 +264,7 @@ def _print(table: Table) -> None:
 
 @contextmanager
 def _progress() -> Iterator[Callable[[str, int, int], None]]:
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=err, transient=True) as progress:
+    with Bars(BarColumn(), TimeElapsedColumn()) as progress:
         task = progress.add_task("walls", total=1)
 
         def stated(what: str, done: int, total: int) -> None:

@@ -12,7 +12,6 @@ from typing import Any, NoReturn
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from irsbot_kinematics import BadInput, KinematicsError, Robot
 from irsbot_supervisor.bag.errors import BagError
@@ -83,18 +82,6 @@ def sign_text(mode: Sequence[int]) -> str:
 def robot_named(name: str) -> Robot:
     """A preset or YAML file. Raises UnknownRobot, BadInput, InvalidGeometry."""
     return robot_of(name)
-
-
-def progress_bar() -> Progress:
-    """A bar on stderr that disappears at the end; its tasks need a total."""
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeRemainingColumn(),
-        console=err,
-        transient=True,
-    )
 
 
 def without_shared_folder(paths: Sequence[str]) -> tuple[str, list[str]]:

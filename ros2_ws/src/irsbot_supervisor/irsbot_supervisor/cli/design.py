@@ -24,9 +24,9 @@ from irsbot_supervisor.cli.common import (
     measure,
     out,
     print_json,
-    progress_bar,
     sign_text,
 )
+from irsbot_supervisor.cli.progress import progress_bar
 from irsbot_supervisor.cli.tables import design as tables
 from irsbot_supervisor.cli.tables import design_facts as facts
 from irsbot_supervisor.fleet.cluster import short_mapping

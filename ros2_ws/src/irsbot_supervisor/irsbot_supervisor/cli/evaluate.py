@@ -12,8 +12,9 @@ from rich.table import Table
 
 from irsbot_kinematics import BadInput
 from irsbot_supervisor.cli.cluster import SchedulerOption, WorkersOption, cluster_of, everywhere
-from irsbot_supervisor.cli.common import err, existing, out, print_json, progress_bar, without_shared_folder
+from irsbot_supervisor.cli.common import err, existing, out, print_json, without_shared_folder
 from irsbot_supervisor.cli.kinematics import AsJson, RobotName
+from irsbot_supervisor.cli.progress import progress_bar
 from irsbot_supervisor.fleet.search import bags_in
 
 if TYPE_CHECKING:

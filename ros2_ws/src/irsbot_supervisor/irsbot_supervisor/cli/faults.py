@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, MofNCompleteColumn, TimeElapsedColumn
 from rich.table import Table
 
 from irsbot_supervisor.cli.cluster import SchedulerOption, cluster_of
-from irsbot_supervisor.cli.common import Failed, err, out, print_json, refuse
+from irsbot_supervisor.cli.common import Failed, out, print_json, refuse
+from irsbot_supervisor.cli.progress import Bars
 from irsbot_supervisor.validation.harness.rows import FALSE_STOPS, RECOVERY_S, TO_STOP_S, Entry, Row
 
 if TYPE_CHECKING:
@@ -59,9 +60,7 @@ def faults(
     if quick and cases is not None:
         refuse("--quick and --cases both say how many cases to try: leave one of them out")
     orders = _orders(entries, quick, cases, seed, tuple(robot or ()), len(supervised()))
-    with Progress(
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), console=err
-    ) as bars:
+    with Bars(BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), transient=False) as bars:
         tasks = {order.entry.name: bars.add_task(order.entry.name, total=order.amount) for order in orders}
         rows: list[Row] = []
         ready = (

@@ -9,7 +9,8 @@ from rich.table import Table
 
 from irsbot_kinematics import BadInput
 from irsbot_supervisor.cli.cluster import everywhere
-from irsbot_supervisor.cli.common import Failed, out, print_json, progress_bar, without_shared_folder
+from irsbot_supervisor.cli.common import Failed, out, print_json, without_shared_folder
+from irsbot_supervisor.cli.progress import progress_bar
 from irsbot_supervisor.fleet.cluster import Cluster
 from irsbot_supervisor.fleet.records import BagJob, BagRow, Fleet, Options
 

@@ -13,8 +13,9 @@ from typing import Any, NamedTuple
 from irsbot_kinematics import BadInput, KinematicsError
 from irsbot_kinematics.description import json_text
 from irsbot_supervisor.cli.cluster import everywhere
-from irsbot_supervisor.cli.common import out, print_json, progress_bar
+from irsbot_supervisor.cli.common import out, print_json
 from irsbot_supervisor.cli.map_one import Wanted, draw_robot
+from irsbot_supervisor.cli.progress import progress_bar
 from irsbot_supervisor.fleet.cluster import Cluster
 from irsbot_supervisor.fleet.folder import ResultFolder, key_of, robot_files
 from irsbot_supervisor.fleet.resuming import rows_of

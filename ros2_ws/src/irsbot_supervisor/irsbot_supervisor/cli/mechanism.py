@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.progress import Progress, TextColumn, TimeElapsedColumn
+from rich.progress import TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
 
@@ -16,6 +16,7 @@ from irsbot_kinematics.conformance import JOINTS, LAWS, Check, conformance
 from irsbot_supervisor.cli.common import Failed, err, out, print_json, robot_named
 from irsbot_supervisor.cli.new_mechanism_files import SKELETONS, skeleton
 from irsbot_supervisor.cli.outputs import check_target
+from irsbot_supervisor.cli.progress import Bars
 
 MOST_JOINTS = 100_000
 """More joint positions take hours and do not improve the answer."""
@@ -42,7 +43,7 @@ def check_mechanism(
     machine = robot_named(robot)
     checks: list[Check] = []
     total = 1 + (len(set(only)) if only else len(LAWS))  # that there are postures comes first
-    with Progress(TextColumn("{task.description}"), TimeElapsedColumn(), console=err, transient=True) as progress:
+    with Bars(TimeElapsedColumn()) as progress:
         task = progress.add_task("postures", total=total)
         for check in conformance(machine, joints=joints, seed=seed, only=only or ()):
             checks.append(check)

@@ -12,8 +12,9 @@ from irsbot_kinematics import BadInput
 from irsbot_msgs_py.records import cause_names
 from irsbot_supervisor.cli import fleet
 from irsbot_supervisor.cli.cluster import SchedulerOption, WorkersOption, cluster_of
-from irsbot_supervisor.cli.common import BAD_INPUT, Failed, err, out, print_json, progress_bar
+from irsbot_supervisor.cli.common import BAD_INPUT, Failed, err, out, print_json
 from irsbot_supervisor.cli.junit import Suite, write_junit
+from irsbot_supervisor.cli.progress import progress_bar
 from irsbot_supervisor.fleet.records import BagCheck
 from irsbot_supervisor.fleet.search import bags_in
 from irsbot_supervisor.replay.expectation import write_draft

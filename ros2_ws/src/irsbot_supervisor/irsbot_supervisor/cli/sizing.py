@@ -12,7 +12,8 @@ from rich.table import Table
 
 from irsbot_kinematics import BadInput, stiffness
 from irsbot_kinematics.stiffness import Structure, Task
-from irsbot_supervisor.cli.common import existing, measure, out, print_json, progress_bar
+from irsbot_supervisor.cli.common import existing, measure, out, print_json
+from irsbot_supervisor.cli.progress import progress_bar
 from irsbot_supervisor.cli.stiffness import changes
 
 

@@ -10,8 +10,9 @@ import typer
 from irsbot_kinematics import BadInput
 from irsbot_kinematics.design import PARAMETERS, Plan, Range
 from irsbot_supervisor.cli.cluster import SchedulerOption, WorkersOption, cluster_of
-from irsbot_supervisor.cli.common import measure, numbers, out, print_json, progress_bar
+from irsbot_supervisor.cli.common import measure, numbers, out, print_json
 from irsbot_supervisor.cli.design import Set, Vary, design_named, pairs
+from irsbot_supervisor.cli.progress import progress_bar
 from irsbot_supervisor.cli.tables import design as tables
 
 SUFFIXES = (".parquet", ".csv")
