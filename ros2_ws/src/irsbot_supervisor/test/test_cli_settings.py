@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import fields
+from pathlib import Path
 
 import pytest
+from command import irsbot
 from rich.console import Console
 
+from irsbot_kinematics import load_robot
 from irsbot_supervisor.cli import settings as module
+from irsbot_supervisor.configuration import loading
+from irsbot_supervisor.configuration.loading import read_settings
 from irsbot_supervisor.core.settings import Settings
 
 
@@ -21,3 +27,26 @@ def test_the_names_of_settings_are_whole_on_every_terminal(
     assert max(map(len, lines)) <= width
     firsts = {line.split("│")[1].strip() for line in lines if line.startswith("│")}
     assert firsts - {""} == {entry.name for entry in fields(Settings)}
+
+
+def test_a_settings_file_is_checked_for_its_own_robot(tmp_path: Path) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text("/**: {ros__parameters: {robot: linear_delta, velocity_limit: [1.0, 1.0, 1.0]}}", encoding="utf-8")
+    stated = json.loads(irsbot("settings", "--file", file, "--json").out)
+    assert next(row["value"] for row in stated["settings"] if row["name"] == "robot") == "linear_delta"
+    assert irsbot("settings", "linear_delta", "--file", file).code == 0
+    for words in (("settings", "irsbot2", "--file", file), ("check-trajectory", "irsbot2", file, "--settings", file)):
+        refused = irsbot(*words)
+        assert refused.code == 2
+        assert f"{file}: these are settings of robot 'linear_delta', not of 'irsbot2'" in refused.err
+
+
+def test_a_robot_file_is_the_same_from_every_folder(tmp_path: Path) -> None:
+    robot = load_robot("five_bar")
+    for stated, given in (("mine.yaml", "/else/mine.yaml"), ("five_bar", "five_bar"), ("five_bar", robot)):
+        if not isinstance(given, str) or given == stated:
+            assert read_settings(given, {"robot": stated})[0].robot == "five_bar"
+        else:
+            assert loading._is_of(stated, given)
+    for stated, given in (("mine.yaml", "five_bar"), ("five_bar", "five_bar.yaml"), ("irsbot2", robot)):
+        assert not loading._is_of(stated, given)

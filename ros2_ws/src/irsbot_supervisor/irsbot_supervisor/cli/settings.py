@@ -18,7 +18,9 @@ WIDE = 130
 
 
 def settings(
-    robot: Annotated[str, typer.Argument(help="preset name or YAML file")] = "irsbot2",
+    robot: Annotated[
+        str | None, typer.Argument(help="preset name or YAML file; if left out, that of the file, or irsbot2")
+    ] = None,
     file: Annotated[Path | None, typer.Option(help="YAML file of yours; it is checked as the supervisor would")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
 ) -> None:
@@ -27,7 +29,7 @@ def settings(
     Example: irsbot settings irsbot2 --file mine.yaml
     """
     changes = read_values(existing(file, "the settings file")) if file is not None else {}
-    found, _robot = read_settings(robot, changes, file or "")
+    found, _robot = read_settings(robot or str(changes.get("robot", Settings.robot)), changes, file or "")
     rows = [_row(found, entry.name, entry.metadata) for entry in fields(Settings)]
     if as_json:
         print_json({"config_hash": found.config_hash, "settings": rows})

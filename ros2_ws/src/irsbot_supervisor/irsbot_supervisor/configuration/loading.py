@@ -44,7 +44,7 @@ def read_settings(
     """Checked settings and their robot: `read_settings("irsbot2", latency_s=0.004)`.
 
     robot_name: preset name, YAML file, or a Robot.
-    changes: settings by name that replace shipped ones.
+    changes: settings by name that replace shipped ones; if they name a robot, it must be this one.
     where: file of the changes, for messages.
     overrides: the same as changes, by keyword; they take precedence.
 
@@ -52,12 +52,24 @@ def read_settings(
     """
     robot = robot_name if isinstance(robot_name, Robot) else robot_of(robot_name)
     name = robot.name if isinstance(robot_name, Robot) else str(robot_name)
-    values = {**shipped_values(robot), **(changes or {}), **overrides, "robot": name}
+    changes = {**(changes or {}), **overrides}
+    values = {**shipped_values(robot), **changes, "robot": name}
     try:
+        if "robot" in changes and not _is_of(str(changes["robot"]), robot_name):
+            raise InvalidSettings(f"these are settings of robot '{changes['robot']}', not of '{name}'")
         return settings_from(with_bending(values, robot), robot), robot
     except InvalidSettings as error:
         file = where or (name if name.endswith((".yaml", ".yml")) else "")
         raise InvalidSettings(f"{file}: {error}" if file else str(error)) from None
+
+
+def _is_of(stated: str, robot: str | Path | Robot) -> bool:
+    """True if a settings file that states this robot is of a robot. Files are the same if their names are: a path may
+    be written from another folder."""
+    is_file = stated.endswith((".yaml", ".yml"))
+    if isinstance(robot, Robot):
+        return robot.name == (Path(stated).stem if is_file else stated)
+    return stated == str(robot) or (is_file and Path(stated).name == Path(robot).name)
 
 
 def read_values(path: Path) -> dict[str, Any]:
