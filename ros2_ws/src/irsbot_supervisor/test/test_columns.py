@@ -84,6 +84,19 @@ def test_of_a_motion_in_joints_and_poses_the_joints_are_used(tmp_path: Path) -> 
     assert "the motion is that of the joints; the columns x, z are not used" in stated.output
 
 
+def test_a_column_that_is_not_used_is_named(tmp_path: Path) -> None:
+    """Velocities under another name: the motion that is certified is another one than the user means."""
+    rows = "time_s,joint_1,joint_2,joint_1_{0},joint_2_{0}", "0,2.544,-0.19,0.1,0", "1,2.534,-0.18,0,0"
+    told = {}
+    for name in ("vel", "velocity"):
+        file = table(tmp_path, rows[0].format(name), *rows[1:])
+        told[name] = CliRunner().invoke(whole_app(), ["check-trajectory", "irsbot2", str(file)]).output
+    assert "the columns joint_1_vel, joint_2_vel are not used" in told["vel"]
+    assert "straight lines between them" in told["vel"]
+    assert "not used" not in told["velocity"]
+    assert "cubics between them" in told["velocity"]
+
+
 def test_damage_of_a_bag_is_told_with_its_samples_and_refused_for_a_motion(tmp_path: Path) -> None:
     whole, cut = tmp_path / "whole.mcap", tmp_path / "cut.mcap"
     with BagWriter(whole) as writer:

@@ -61,11 +61,16 @@ def read_motion(path: Path, names: list[str]) -> tuple[Array, Array, Array]:
         row = int(late[0]) + 1
         fault = f"is {times[row]:g}, must be above {times[row - 1]:g} in the row before"
         raise BadInput(f"{path}: {_cell(row, 'time_s')} {fault}")
-    rates = [f"{name}_velocity" for name in names]
+    rates = rate_names(names)
     velocities: Array = np.empty((0, len(names)))
     if any(has_columns(path, [rate]) for rate in rates):
         velocities = _finite(path, rates, read_joint_columns(path, rates).positions)
     return times, _finite(path, names, positions), velocities
+
+
+def rate_names(names: list[str]) -> list[str]:
+    """The columns with the velocities of joints."""
+    return [f"{name}_velocity" for name in names]
 
 
 def has_columns(path: Path, names: list[str]) -> bool:

@@ -12,6 +12,7 @@ from rich.table import Table
 
 from irsbot_kinematics.mechanism import Coordinate
 from irsbot_kinematics.numerics.arithmetic import Array
+from irsbot_supervisor.bag.bag_files import is_bag
 from irsbot_supervisor.cli.common import Failed, err, existing, out, print_json
 from irsbot_supervisor.configuration.loading import read_settings, read_values
 from irsbot_supervisor.core.margins import MARGIN_CAUSES, MARGIN_TEXTS
@@ -65,21 +66,23 @@ def check_trajectory(
 
     Example: irsbot check-trajectory irsbot2 motion.csv.
     """
-    from irsbot_supervisor.bag.columns import has_columns, read_motion  # polars takes its time to load
+    from irsbot_supervisor.bag.columns import column_names, has_columns, rate_names, read_motion  # polars loads slowly
 
     changes = read_values(existing(settings, "the settings file")) if settings is not None else {}
     limits, machine = read_settings(robot, changes, settings or "")
     task = [coordinate.name for coordinate in machine.mechanism.task]
     of_platform = has_columns(existing(file, "the motion"), task)
     of_joints = not of_platform or has_columns(file, list(limits.joint_names))
-    if of_platform and of_joints:
-        err.print(f"{file}: the motion is that of the joints; the columns {', '.join(task)} are not used")
-    if not of_joints:
-        times, poses, _rates = read_motion(file, task)
-        found = survey_poses(machine, limits, times.tolist(), poses.tolist(), assembly)
+    names = list(limits.joint_names) if of_joints else task
+    times, places, velocities = read_motion(file, names)
+    if of_joints:
+        found = survey(machine, limits, times.tolist(), places.tolist(), velocities.tolist(), assembly)
     else:
-        times, positions, velocities = read_motion(file, list(limits.joint_names))
-        found = survey(machine, limits, times.tolist(), positions.tolist(), velocities.tolist(), assembly)
+        found = survey_poses(machine, limits, times.tolist(), places.tolist(), assembly)
+    used = {"time_s", *names, *(rate_names(names) if of_joints else ())}
+    if unused := [] if is_bag(file) else [name for name in column_names(file) if name not in used]:
+        whose = "joints" if of_joints else "platform"
+        err.print(f"{file}: the motion is that of the {whose}; the columns {', '.join(unused)} are not used")
     checked = _Checked(times, machine.mechanism.task, found)
     too_fast = [
         {"joint": name, "speed": speed, "unit": f"{joint.unit}/s", "limit": most, "row": checked.row(time_s)}
@@ -104,7 +107,8 @@ def check_trajectory(
     if faults:
         raise Failed(faults[0] if every and found.runs else "; ".join(faults))
     if not as_json:
-        out.print(f"certified: {len(times)} points, {float(times[-1] - times[0]):.3f} s")
+        between = "cubics" if of_joints and len(velocities) else "straight lines"
+        out.print(f"certified: {len(times)} points, {float(times[-1] - times[0]):.3f} s, {between} between them")
 
 
 def _margins(checked: _Checked) -> list[dict[str, Any]]:
