@@ -36,6 +36,9 @@ def test_numbers_are_read_as_ros_reads_them(read) -> None:
         pytest.param("1" * 5000, "digits", id="long"),
         ("a: !!python/object:os.system x", "could not determine a constructor"),
         (b"\xc3(", "byte"),
+        ("a: 1\nb: 2\na: 3", "the key 'a' stands twice"),
+        ("- {l1: 1, l1: 2}", "the key 'l1' stands twice"),
+        ("!!map [1, 2]", "expected a mapping"),
     ],
 )
 def test_what_cannot_be_read_is_refused_in_one_line_with_the_file(text: str | bytes, reason: str) -> None:
@@ -43,3 +46,9 @@ def test_what_cannot_be_read_is_refused_in_one_line_with_the_file(text: str | by
         parsed(text, Path("mine.yaml"))
     assert reason in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+def test_a_merged_mapping_may_be_replaced() -> None:
+    """By YAML's own rule for the key <<."""
+    text = "usual: &usual {stop: 0.1, warn: 0.2}\nmine: {<<: *usual, stop: 0.3}"
+    assert parsed(text)["mine"] == {"stop": 0.3, "warn": 0.2}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Hashable
 from typing import Any
 
 import yaml
@@ -11,9 +12,24 @@ from irsbot_kinematics.errors import BadInput
 
 _FLOAT = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+$")
 
+_MERGE = "tag:yaml.org,2002:merge"
+"""Of the key <<, whose mapping others may replace."""
+
 
 class _Loader(yaml.SafeLoader):
-    """Reads 1e-2 as a number, as ROS does; for YAML 1.1 it is a text."""
+    """Reads 1e-2 as a number, as ROS does; for YAML 1.1 it is a text. Refuses a key that stands twice: the first value
+    would be dropped."""
+
+    def construct_mapping(self, node: Any, deep: bool = False) -> dict[Hashable, Any]:
+        seen: set[str] = set()
+        keys = [key for key, _value in node.value] if isinstance(node, yaml.MappingNode) else []
+        for key in keys:
+            if isinstance(key, yaml.ScalarNode) and key.tag != _MERGE:
+                if key.value in seen:
+                    fault = f"the key '{key.value}' stands twice"
+                    raise yaml.MarkedYAMLError(problem=fault, problem_mark=key.start_mark)
+                seen.add(key.value)
+        return super().construct_mapping(node, deep)
 
 
 _Loader.add_implicit_resolver("tag:yaml.org,2002:float", _FLOAT, list("-+.0123456789"))
