@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from irsbot_kinematics.analysis.rectangle import Limits, Rectangle, largest_rectangle
-from irsbot_kinematics.arguments import check_fields, checked
+from irsbot_kinematics.arguments import check_fields, checked, count
 from irsbot_kinematics.design import proximal
 from irsbot_kinematics.errors import BadInput, KinematicsError
 from irsbot_kinematics.mechanisms.irsbot2 import Irsbot2
@@ -30,6 +30,8 @@ RANGES: Mapping[str, tuple[float, float]] = {
 }
 """Default bounds: lengths per metre of size, beta in rad. They keep the platform, the elbows and the base feasible;
 without them the search prefers ever longer elbows."""
+LARGEST_SEED = 2**32 - 1
+"""Of scipy's random numbers."""
 _COARSE, _FINE = (40, 120), (400, 800)
 """Grid cells of the rectangle while searching, and for the result. The coarse grid hides differences of a few per
 cent, and so do different seeds."""
@@ -71,6 +73,14 @@ class Task:
                 raise BadInput(f"a search must satisfy 0 < low < high for {name}, got {low:.9g} against {high:.9g}")
         if self.zone not in proximal.ZONES:
             raise BadInput(f"no zone '{self.zone}'; zones are {', '.join(proximal.ZONES)}")
+        if not self.slack >= 0.0:
+            raise BadInput(f"a search must satisfy slack >= 0, got {self.slack:.9g}: with less no zone is kept")
+        for name, value in self.limits._asdict().items():
+            if not 0.0 <= value <= 1.0:
+                raise BadInput(f"the smallest {name} margin of a useful pose must be in 0..1, got {value:.9g}")
+        count(self.seed, "seed", 0, LARGEST_SEED)
+        count(self.generations, "generations", 1)
+        count(self.population, "population", 1)
 
 
 @dataclass(frozen=True)
@@ -134,7 +144,8 @@ def search(task: Task, progress: Callable[[int, float], None] | None = None, spr
             raise faults[0] from None
         raise
     if not result.fun < 0.0:
-        raise NoDesign(f"no design of these ranges is in zone '{task.zone}' with {task.slack:.6g} m of slack")
+        where = f"in zone '{task.zone}' with {task.slack:.6g} m of slack"
+        raise NoDesign(f"no design of these ranges was found that is {where} and has a useful pose")
     return judge(_geometry(task, result.x), task)
 
 

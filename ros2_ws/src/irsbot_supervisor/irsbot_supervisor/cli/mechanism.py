@@ -25,7 +25,7 @@ MOST_JOINTS = 100_000
 def check_mechanism(
     robot: Annotated[str, typer.Argument(help="preset name, or YAML file that names a mechanism of yours")],
     joints: Annotated[int, typer.Option(help="random joint positions to try")] = JOINTS,
-    seed: Annotated[int, typer.Option(help="of the random numbers")] = 1,
+    seed: Annotated[int, typer.Option(help="of the random numbers", min=0)] = 1,
     only: Annotated[list[str] | None, typer.Option(help="check this law alone; may be repeated")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="print JSON")] = False,
 ) -> None:

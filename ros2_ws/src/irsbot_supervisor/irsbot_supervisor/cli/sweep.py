@@ -65,7 +65,12 @@ def _plan(robot: str, replaced: list[str], vary: list[str], samples: int | None,
     ranges = {name: Range(getattr(g, name), getattr(g, name)) for name in PARAMETERS}
     if not vary:
         raise BadInput("nothing to vary; give --vary name=low:high, or name=low:high:steps for a grid")
+    fixed = {name for name, _value in pairs(replaced)}
+    varied: set[str] = set()
     for name, entries in pairs(vary):
+        if name in varied or name in fixed:
+            raise BadInput(f"--vary {name}: it has {'a --vary' if name in varied else 'a --set'} already")
+        varied.add(name)
         bounds = entries.split(":")
         if len(bounds) not in (2, 3) or (samples is None and len(bounds) == 2):
             wanted = "low:high" if samples is not None else "low:high:steps"
@@ -73,5 +78,7 @@ def _plan(robot: str, replaced: list[str], vary: list[str], samples: int | None,
         steps = numbers([bounds[2]], "steps", 1)[0] if len(bounds) == 3 else 1.0
         if not steps.is_integer():
             raise BadInput(f"steps must be a whole number, got {bounds[2]}")
+        if len(bounds) == 3 and steps == 1.0 and bounds[0] != bounds[1]:
+            raise BadInput(f"--vary {name}: one step has no room for {bounds[0]} and {bounds[1]}, give 2 or more")
         ranges[name] = Range(measure(name, bounds[0]), measure(name, bounds[1]), int(steps))
     return Plan(ranges, samples, seed)
