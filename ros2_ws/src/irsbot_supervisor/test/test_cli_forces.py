@@ -60,7 +60,7 @@ def test_reactions_of_many_samples_are_those_of_one(tmp_path: Path) -> None:
         (["--what", "force"], "--what force wants --admissible N"),
         (["--what", "force", "--admissible", "-1"], "admissible_n must be a finite number that is not negative"),
         (["--what", "force", "--admissible", "9", "--centre", "0"], "--centre must be 2 numbers"),
-        (["--admissible", "9"], "--admissible and --centre belong to --what force"),
+        (["--admissible", "9"], "--load, --moment, --admissible and --centre belong to --what force"),
     ],
 )
 def test_forces_that_make_no_sense_are_refused(words: list[str], stated: str, tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from irsbot_kinematics import arguments, statics
 from irsbot_kinematics.arguments import checked
 from irsbot_kinematics.batch import evaluate_many
 from irsbot_kinematics.errors import BadInput
-from irsbot_kinematics.mechanism import Mechanism, Signs, Status
+from irsbot_kinematics.mechanism import Coordinate, Mechanism, Signs, Status
 from irsbot_kinematics.numerics.arithmetic import ARRAYS, Array
 from irsbot_kinematics.numerics.tolerances import FARTHEST
 
@@ -33,6 +33,7 @@ class Map:
     """
 
     axes: tuple[str, str]
+    units: tuple[str, str]
     first: Array
     second: Array
     working_mode: Signs
@@ -87,8 +88,8 @@ def workspace_map(mechanism: Mechanism, mode: Signs | str, box: Box, nodes: tupl
         raise BadInput(f"the further coordinates of a map must be finite, got {list(box.others)}")
     rows = [_row(mechanism, mode, first, value, box.others) for value in second]
     stacked = [np.array(column) for column in zip(*rows, strict=True)]
-    names = (mechanism.task[0].name, mechanism.task[1].name)
-    return Map(names, first, second, mode, *stacked)
+    names, units = _axes(mechanism.task[0], mechanism.task[1])
+    return Map(names, units, first, second, mode, *stacked)
 
 
 @checked
@@ -111,8 +112,13 @@ def joint_map(mechanism: Mechanism, assembly: int, box: Box, nodes: tuple[int, i
         parts = (found.type1_margin.min(axis=1), found.type2_margin, found.constraint_margin, limb, found.reach, sign)
         for column, part in zip(columns, parts, strict=True):
             column.append(part)
-    names = (mechanism.joints[0].name, mechanism.joints[1].name)
-    return Map(names, first, second, (), *(np.array(column) for column in columns))
+    names, units = _axes(mechanism.joints[0], mechanism.joints[1])
+    return Map(names, units, first, second, (), *(np.array(column) for column in columns))
+
+
+def _axes(first: Coordinate, second: Coordinate) -> tuple[tuple[str, str], tuple[str, str]]:
+    """Names and units."""
+    return (first.name, second.name), (first.unit, second.unit)
 
 
 @checked

@@ -37,8 +37,8 @@ def draw(
         bool, typer.Option("--joints", help="over the first two joints, usual assembly mode")
     ] = False,
     at: Annotated[list[float] | None, typer.Option(help="value of a further coordinate; once for each")] = None,
-    load: Annotated[float, typer.Option(help="of --what force: N, of any direction")] = 10.0,
-    moment: Annotated[float, typer.Option(help="likewise: N m, of either sign")] = 0.0,
+    load: Annotated[float | None, typer.Option(help="of --what force: N, of any direction; 10 if left out")] = None,
+    moment: Annotated[float | None, typer.Option(help="likewise: N m, of either sign; 0 if left out")] = None,
     admissible: Annotated[float | None, typer.Option(help="likewise: N that a leg may carry")] = None,
     centre: Annotated[
         str | None, typer.Option(help="likewise: pose, as 0,-0.8, around which the force workspace is found")
@@ -54,14 +54,14 @@ def draw(
 
     Example: irsbot map irsbot2_beta45 --what type2 -o map.png
 
-    Several robots give a file each: irsbot map irsbot2 five_bar rails2 -o maps
+    Several robots give a file each: irsbot map irsbot2 five_bar irsbot2_csc -o maps
     """
     if what not in (*QUANTITIES, FORCE):
         raise BadInput(f"--what is '{what}', must be one of {', '.join((*QUANTITIES, FORCE))}")
-    if what != FORCE and (admissible is not None or centre is not None):
-        raise BadInput("--admissible and --centre belong to --what force")
+    if what != FORCE and any(option is not None for option in (load, moment, admissible, centre)):
+        raise BadInput("--load, --moment, --admissible and --centre belong to --what force")
     cluster = cluster_of(scheduler, workers)
-    wanted = Wanted(what, mode, box, joint_space, tuple(at or ()), load, moment, admissible, centre, nodes)
+    wanted = Wanted(what, mode, box, joint_space, tuple(at or ()), *_loads(load, moment), admissible, centre, nodes)
     if len(robots) == 1 and dataset.suffix:
         if dataset.suffix not in (*PICTURES, ".npz"):
             raise BadInput(f"cannot write '{dataset}': the suffix must be {', '.join(PICTURES)} or .npz")
@@ -78,3 +78,8 @@ def draw(
     if f".{suffix}" not in (*PICTURES, ".npz"):
         raise BadInput(f"--format is '{suffix}', must be png, svg, pdf or npz")
     draw_many(robots, wanted, f".{suffix}", dataset, cluster, as_json)
+
+
+def _loads(load: float | None, moment: float | None) -> tuple[float, float]:
+    """N and N m, with the defaults."""
+    return 10.0 if load is None else load, 0.0 if moment is None else moment

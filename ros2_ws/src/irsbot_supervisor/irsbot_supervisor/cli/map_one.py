@@ -77,6 +77,7 @@ def draw_robot(robot: str, wanted: Wanted, target: Path) -> Drawn:
         return _draw_joints(machine, what, turns, wanted.nodes, target)
     ranges = Box(box[:2], box[2:], others) if box is not None else reachable_box(mechanism, others)
     found = workspace_map(mechanism, working_mode, ranges, (wanted.nodes, wanted.nodes))
+    _require(found, what, f"{machine.name} in working mode {sign_text(working_mode)}")
     rectangle = None
     crossings: Array = np.empty((0, 2))
     known = mechanism.loci(working_mode)
@@ -88,6 +89,7 @@ def draw_robot(robot: str, wanted: Wanted, target: Path) -> Drawn:
     outside = rectangle is not None and not _within(rectangle, ranges)
     places = mechanism.constraint_points(working_mode)
     points = np.array(places or ()).reshape(-1, 2)
+    points = points[_inside(points, ranges)]
     if target.suffix == ".npz":
         _save(found, target)
     else:
@@ -118,6 +120,21 @@ def _within(rectangle: Rectangle, box: Box) -> bool:
     return wide and box.second[0] <= rectangle.z_low and rectangle.z_high <= box.second[1]
 
 
+def _inside(points: Array, box: Box) -> Array:
+    """(N,) True for points within the map."""
+    low, high = np.transpose((box.first, box.second))
+    return np.asarray(((low <= points) & (points <= high)).all(axis=1))
+
+
+def _require(found: Map, what: str, which: str) -> None:
+    """Raises BadInput where the map would be empty."""
+    reached = np.isfinite(found.type1)
+    if not reached.any():
+        raise BadInput(f"{which} reaches none of the {reached.size} nodes: give another --box, or more --nodes")
+    if not np.isfinite(getattr(found, what)[reached]).any():
+        raise BadInput(f"{which} has no {what} margin: nothing to map")
+
+
 def _at(further: tuple[Coordinate, ...], values: tuple[float, ...]) -> str:
     """Values of the coordinates that the map does not show."""
     stated = [f"{one.name} = {value:g} {one.unit}" for one, value in zip(further, values, strict=True)]
@@ -127,6 +144,7 @@ def _at(further: tuple[Coordinate, ...], values: tuple[float, ...]) -> str:
 def _draw_joints(machine: Robot, what: str, ranges: Box, nodes: int, target: Path) -> Drawn:
     assembly = machine.mechanism.usual_assembly_mode
     found = joint_map(machine.mechanism, assembly, ranges, (nodes, nodes))
+    _require(found, what, f"{machine.name} in assembly mode {assembly:+d}")
     if target.suffix == ".npz":
         _save(found, target)
     else:

@@ -58,9 +58,8 @@ def draw_map(
         corner = (-rectangle.half_width, rectangle.z_low)
         size = (2.0 * rectangle.half_width, rectangle.z_high - rectangle.z_low)
         axes.add_patch(Patch(corner, *size, fill=False, edgecolor="white", linewidth=1.8, label="free rectangle"))
-    unit = "m" if found.working_mode else "rad or m"
-    axes.set_xlabel(f"{found.axes[0]} [{unit}]")
-    axes.set_ylabel(f"{found.axes[1]} [{unit}]")
+    axes.set_xlabel(f"{found.axes[0]} [{found.units[0]}]")
+    axes.set_ylabel(f"{found.axes[1]} [{found.units[1]}]")
     axes.set_title(title)
     axes.set_aspect("equal")
     axes.set_xlim(found.first[0], found.first[-1])
