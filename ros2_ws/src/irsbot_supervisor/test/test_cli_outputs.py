@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import shlex
+import signal
+import subprocess
 from pathlib import Path
+from time import monotonic, sleep
 
 import pytest
-from command import irsbot
+from command import IRSBOT, PATIENCE_S, irsbot
 
 JOINTS = "joint_1,joint_2\n2.9,-0.17\n"
 
@@ -109,3 +113,30 @@ def test_an_error_of_the_system_names_the_file(
     assert stated.code == 2
     assert words[-1].split("/")[0] in stated.refusal
     assert "os error" not in stated.refusal
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_sweep_that_is_ended_leaves_no_draft(number: signal.Signals, tmp_path: Path) -> None:
+    """CI and `timeout` end a command by SIGTERM."""
+    words = ["design", "sweep", "--vary", "l1=0.1:0.5", "--samples", "900000000", "--workers", "1", "-o", "t.csv"]
+    process = subprocess.Popen([*IRSBOT, *words], cwd=tmp_path, stderr=subprocess.DEVNULL)
+    try:
+        begin_s, draft = monotonic(), tmp_path / "t.csv.part"
+        while not (draft.exists() and draft.stat().st_size) and monotonic() - begin_s < PATIENCE_S:
+            assert process.poll() is None
+            sleep(0.02)
+        assert draft.exists()
+        process.send_signal(number)
+        assert process.wait(PATIENCE_S) not in (0, None)
+    finally:
+        process.kill()
+        process.wait()
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("where", "code"), [(">&-", 0), (">/dev/full", 2)])
+def test_output_that_nobody_can_take_is_no_traceback(where: str, code: int) -> None:
+    command = f"{shlex.join([*IRSBOT, 'ik', 'irsbot2', '0.3', '-0.75'])} {where}"
+    told = subprocess.run(["sh", "-c", command], stderr=subprocess.PIPE, text=True)
+    assert told.returncode == code
+    assert told.stderr == ("irsbot: No space left on device\n" if code else "")

@@ -6,6 +6,7 @@ Only the module of the command that is called is loaded; all of them for the lis
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from collections.abc import Callable, Iterable, Iterator
 from functools import cache
@@ -157,6 +158,8 @@ SIGPIPE_CODE = 128 + 13
 def main() -> None:
     """Run a command; exit code 0 done, 1 a check failed, 2 bad usage or input. Prints no traceback for these."""
     program = os.environ.get("IRSBOT_COMMAND", "irsbot")  # as the user called it
+    sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: SIM115  its caller has closed it
+    _end_in_order_when_told_to()
     called = sys.argv[1] if len(sys.argv) > 1 else ""
     try:
         app = app_of([called]) if called in COMMANDS or called in GROUPS else whole_app()
@@ -179,10 +182,15 @@ def main() -> None:
         err.print(f"irsbot: {error}")
         sys.exit(2)
     except OSError as error:
-        err.print(f"irsbot: {error.filename or 'system'}: {error.strerror or error}")
+        err.print(f"irsbot: {f'{error.filename}: ' if error.filename else ''}{error.strerror or error}")
         sys.exit(2)
     if code:
         sys.exit(code)
+
+
+def _end_in_order_when_told_to() -> None:
+    """Treat SIGTERM, from a service manager or CI, as Ctrl-C: bags are closed and drafts of files removed."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
 
 
 def _name_the_program(app: typer.Typer, program: str) -> None:

@@ -16,7 +16,7 @@ from irsbot_msgs_py.records import Cause, Level, SingularityState, Verdict, caus
 from irsbot_msgs_py.stamps import NS_PER_S
 from irsbot_supervisor.bag.errors import BagError
 from irsbot_supervisor.cli.common import Failed, out, refuse
-from irsbot_supervisor.cli.run_folder import BAG, LISTENERS, LOGS, end_in_order_when_told_to, prepare
+from irsbot_supervisor.cli.run_folder import BAG, LISTENERS, LOGS, prepare
 from irsbot_supervisor.configuration.loading import read_settings, robot_of, shipped_values
 from irsbot_supervisor.processes.suite import (
     JOINTS,
@@ -82,7 +82,6 @@ def demo(
     limit_s = _limit(plan, _length(plan, values, robot_name))
     prepare(target)
     out.print(f"{plan.name} with {machine.name}: {plan.description}")
-    end_in_order_when_told_to()
     timeline = _Timeline()
     bag = target / BAG
     domain = free_domain()

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 import yaml
-from rich.table import Table
+from rich.table import Column, Table
 
 from irsbot_kinematics import BadInput
 from irsbot_kinematics.description.urdf import joint_ranges
@@ -24,6 +24,7 @@ FORCE_RATIO = 20.0 / 3.0
 """Default: the legs of a fast light robot carry about ten times the load in its own accelerations."""
 
 RATE_HZ = 1000.0
+MEASURED_S = 60.0
 """Default: joint states per second of a usual controller."""
 
 
@@ -43,7 +44,9 @@ def limits(
     measure: Annotated[
         bool, typer.Option("--measure", help="run the suite here and propose times from its measurements")
     ] = False,
-    seconds: Annotated[float, typer.Option(help="duration of --measure, s", min=1.0, max=3600.0)] = 60.0,
+    seconds: Annotated[
+        float | None, typer.Option(help="duration of --measure, s; 60 if left out", min=1.0, max=3600.0)
+    ] = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="write the settings here, as ROS parameters")
     ] = None,
@@ -64,8 +67,10 @@ def limits(
         others = (stamp_jitter, encoder_resolution, encoder_offset, geometry_tolerance, description)
         if any(value is not None for value in (*drives, *others)) or force_ratio != FORCE_RATIO:
             raise BadInput("--measure takes the robot's own settings, and only --seconds, --rate, -o and --json")
-        _measured(robot, seconds, rate, output, as_json)
+        _measured(robot, seconds or MEASURED_S, rate, output, as_json)
         return
+    if seconds is not None:
+        raise BadInput("--seconds belongs to --measure")
 
     def given(name: str, value: float | None) -> float:
         return float(shipped.get(name, getattr(Settings, name)) if value is None else value)
@@ -139,7 +144,7 @@ def _measured(robot: str, seconds: float, rate_hz: float, output: Path | None, a
     if as_json:
         print_json([one._asdict() for one in found])
     else:
-        table = Table("setting", "in force [s]", "longest met [s]", "proposed [s]", "why")
+        table = _folding("setting", "in force [s]", "longest met [s]", "proposed [s]", "why")
         for one in found:
             table.add_row(one.name, f"{one.now:g}", f"{one.met:.4g}", f"{one.value:g}", one.why)
         out.print(table)
@@ -165,13 +170,18 @@ def _yaml(value: Any) -> str:
     return yaml.safe_dump(plain, default_flow_style=True, width=10_000).splitlines()[0]
 
 
+def _folding(*headings: str) -> Table:
+    """A table whose cells fold where there is little room: names and numbers stay whole."""
+    return Table(*(Column(heading, overflow="fold") for heading in headings))
+
+
 def _print(proposed: LimitProposal, units: list[str]) -> None:
-    table = Table("setting", "value", "why")
+    table = _folding("setting", "value", "why")
     for one in proposed.proposals:
         value = ", ".join(f"{number:g}" for number in one.value) if isinstance(one.value, tuple) else f"{one.value:g}"
         table.add_row(one.name, value, one.why)
     out.print(table)
-    table = Table("joint", "needs to stop", "platform moves", "available at best", "of the speed", "limited by")
+    table = _folding("joint", "needs to stop", "platform moves", "available at best", "of the speed", "limited by")
     for row in proposed.stopping:
         table.add_row(
             row.joint,
@@ -184,7 +194,7 @@ def _print(proposed: LimitProposal, units: list[str]) -> None:
     out.print(table)
     out.print(f"all joints at once, in the worst combination: {proposed.together:.0%} of the speed could be stopped")
     out.print("\nCost: how far joints can move until they stand, and in how many postures a resting robot is stopped")
-    table = Table(
+    table = _folding(
         "machine", "brakes act after", "from rest", "platform", "from full speed", "platform", "stopped at rest"
     )
     for cost in proposed.costs:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.table import Table
+from rich.table import Column, Table
 
 from irsbot_kinematics import BadInput
 from irsbot_msgs_py.records import cause_names
@@ -151,7 +151,7 @@ def _tell(found: BagJudgement, as_json: bool) -> None:
         print_json(found.as_json())
         return
     recording, judged = found.recording, found.judged
-    table = Table("time [s]", "level", "causes", "finding")
+    table = Table(*(Column(heading, overflow="fold") for heading in ("time [s]", "level", "causes", "finding")))
     for interval in found.levels:
         table.add_row(f"{interval.time_s:.3f}", interval.level.name, cause_names(interval.causes), interval.text)
     out.print(f"robot: {found.robot}")

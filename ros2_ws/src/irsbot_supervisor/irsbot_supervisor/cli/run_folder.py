@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 from pathlib import Path
 
 from irsbot_supervisor.bag.errors import BagError
@@ -19,8 +18,3 @@ def prepare(target: Path) -> None:
     (target / LOGS).mkdir(parents=True, exist_ok=True)
     if (target / BAG).exists():
         raise BagError(f"'{target / BAG}' exists already: a run needs a folder without a bag")
-
-
-def end_in_order_when_told_to() -> None:
-    """Treat SIGTERM, from a service manager or a container, as Ctrl-C: the recorder closes its bag."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)

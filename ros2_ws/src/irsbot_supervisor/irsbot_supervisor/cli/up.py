@@ -13,7 +13,7 @@ import typer
 from irsbot_msgs_py.process.priority import PARAMETER
 from irsbot_msgs_py.process.usage import USAGE
 from irsbot_supervisor.cli.common import Failed, err, existing, namespace_from, out, refuse
-from irsbot_supervisor.cli.run_folder import BAG, LISTENERS, LOGS, end_in_order_when_told_to, prepare
+from irsbot_supervisor.cli.run_folder import BAG, LISTENERS, LOGS, prepare
 from irsbot_supervisor.cli.web import (
     FOXGLOVE_PORT,
     WEB_HOST,
@@ -121,7 +121,6 @@ def up(
         remaps = {f"simulated_joints:{topic}": other for topic, other in GATED.items()} if gate else {}
         nodes = [Node("suite", TOGETHER, {**bag, **drives}, remaps)]
     prepare(target)
-    end_in_order_when_told_to()
     with contextlib.suppress(KeyboardInterrupt), Suite(target / LOGS, domain, place, params) as suite:
         for node in (*nodes, *guests):
             suite.start(node)
