@@ -88,7 +88,7 @@ def fingerprint(mechanism: Mechanism) -> str:
 def _checked(name: str, stated: object, where: str, overrides: Mapping[str, Any]) -> RobotFile:
     if not isinstance(stated, dict) or not isinstance(stated.get("geometry"), dict):
         got = f", got {', '.join(map(str, stated))}" if isinstance(stated, dict) and stated else ""
-        raise BadInput(f"{where}: expected a robot, a mapping with the keys {', '.join(sorted(KEYS))}{got}")
+        raise BadInput(f"{where}: expected a mapping with the keys {', '.join(sorted(KEYS))}{got}")
     if unknown := set(stated) - KEYS:
         raise BadInput(f"{where}: unknown key '{sorted(map(str, unknown))[0]}'; known are {', '.join(sorted(KEYS))}")
     try:

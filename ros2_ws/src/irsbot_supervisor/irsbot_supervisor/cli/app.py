@@ -9,6 +9,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from functools import cache
 from importlib import import_module
 from typing import Annotated, Any, NamedTuple
@@ -170,7 +171,7 @@ def main() -> None:
         code = app(prog_name=program, standalone_mode=False)
         sys.stdout.flush()
     except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # buffered output has no reader
+        _drop_output()
         sys.exit(SIGPIPE_CODE)
     except USAGE_ERROR as error:
         _say_usage(error)
@@ -183,9 +184,17 @@ def main() -> None:
         sys.exit(2)
     except OSError as error:
         err.print(f"irsbot: {f'{error.filename}: ' if error.filename else ''}{error.strerror or error}")
+        if not error.filename:  # standard output, on a full disk
+            _drop_output()
         sys.exit(2)
     if code:
         sys.exit(code)
+
+
+def _drop_output() -> None:
+    """Nobody takes what is buffered; Python would try once more at its end."""
+    with suppress(OSError):  # a stream without a file
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _end_in_order_when_told_to() -> None:
