@@ -90,11 +90,16 @@ def _called(library: ctypes.PyDLL, name: str) -> BoxCode:
 
 
 @cache
+def source_of(module: str) -> Path:
+    """The file of one of `SOURCES`."""
+    return Path(__file__).parent.parent.joinpath(*module.split(".")).with_suffix(".py")
+
+
 def _digest() -> str:
     """Of the sources, and of the machine."""
     found = hashlib.sha256(platform.machine().encode())
     for name in SOURCES:
-        data = Path(__file__).parent.parent.joinpath(*name.split(".")).with_suffix(".py").read_bytes()
+        data = source_of(name).read_bytes()
         found.update(f"{name} {len(data)} ".encode() + data)
     return found.hexdigest()[:24]
 

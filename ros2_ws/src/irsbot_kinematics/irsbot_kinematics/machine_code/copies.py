@@ -7,15 +7,13 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import reduce
 from itertools import chain
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from irsbot_kinematics.bounds.box_code import EQUATIONS
+from irsbot_kinematics.bounds.box_code import EQUATIONS, source_of
 from irsbot_kinematics.machine_code.branching import Recorder, Trace, all_of
 from irsbot_kinematics.machine_code.symbols import Symbol
 
-ROOT = Path(__file__).parent.parent
 PACKAGE = "irsbot_kinematics"
 
 
@@ -33,7 +31,7 @@ class Copies:
     def module(self, name: str) -> SimpleNamespace:
         """A copy of one of `EQUATIONS`."""
         if name not in self._modules:
-            file = ROOT.joinpath(*name.split(".")).with_suffix(".py")
+            file = source_of(name)
             names: dict[str, Any] = {"__name__": f"recorded.{name}", "__builtins__": self._builtins}
             exec(compile(file.read_text(encoding="utf-8"), file, "exec"), names)
             if name == "bounds.quadratics":
