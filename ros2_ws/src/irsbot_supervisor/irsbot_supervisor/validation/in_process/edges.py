@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from math import ceil, inf
 from typing import NamedTuple
@@ -136,17 +136,19 @@ def _beyond(robot: Robot, settings: Settings, start: Array, way: Array) -> Array
 def _last_allowed(robot: Robot, begin: Edge, beyond: Array) -> Array | None:
     """The posture on a line that is only just allowed; None if its begin is not allowed."""
 
-    def is_allowed(share: float) -> bool:
-        place = begin.place + share * (beyond - begin.place)
+    def is_allowed(place: Array) -> bool:
         return _published_at(robot, begin.settings, begin.timing, place) >= 0.0
 
-    if not is_allowed(0.0):
-        return None
+    return _last(begin.place, beyond, is_allowed, HALVINGS) if is_allowed(begin.place) else None
+
+
+def _last(start: Array, end: Array, holds: Callable[[Array], bool], halvings: int) -> Array:
+    """The last posture for which something holds, on a line from one where it does to one where it does not."""
     near, far = 0.0, 1.0
-    for _ in range(HALVINGS):
+    for _ in range(halvings):
         middle = 0.5 * (near + far)
-        near, far = (middle, far) if is_allowed(middle) else (near, middle)
-    return np.asarray(begin.place + near * (beyond - begin.place))
+        near, far = (middle, far) if holds(start + middle * (end - start)) else (near, middle)
+    return np.asarray(start + near * (end - start))
 
 
 def _published_at(robot: Robot, settings: Settings, timing: Timing, place: Array) -> float:
@@ -194,14 +196,7 @@ def walk(edge: Edge, goal: Array) -> tuple[Array, tuple[Push, ...], float]:
 
 def _last_start(robot: Robot, edge: Edge) -> Array:
     """The posture nearest to an edge, on the line to it, in which a robot that is switched on is allowed to move."""
-    near, far = 0.0, 1.0
-    for _ in range(ROUGH_HALVINGS):
-        middle = 0.5 * (near + far)
-        if _is_let_go(robot, edge, edge.base + middle * (edge.place - edge.base)):
-            near = middle
-        else:
-            far = middle
-    return np.asarray(edge.base + near * (edge.place - edge.base))
+    return _last(edge.base, edge.place, lambda place: _is_let_go(robot, edge, place), ROUGH_HALVINGS)
 
 
 def wait_s(settings: Settings, timing: Timing) -> float:
