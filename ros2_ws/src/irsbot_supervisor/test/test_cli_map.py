@@ -90,12 +90,6 @@ def test_only_constraint_singularities_within_the_box_are_counted(tmp_path: Path
 def test_the_axes_of_a_joint_map_have_the_unit_of_the_joints(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     labels = []
     monkeypatch.setattr(Figure, "savefig", lambda figure, *_a, **_k: labels.append(figure.axes[0].get_xlabel()))
-    for name in ("irsbot2", "orthoglide"):
-        words = [
-            "--joints",
-            "--nodes",
-            5,
-            *(["--at", 0.2, "--box", 0.1, 0.3, 0.1, 0.3] if name == "orthoglide" else []),
-        ]
-        assert irsbot("map", name, *words, "-o", tmp_path / f"{name}.png").code == 0
+    for name, further in (("irsbot2", ()), ("orthoglide", ("--at", 0.2, "--box", 0.1, 0.3, 0.1, 0.3))):
+        assert irsbot("map", name, "--joints", "--nodes", 5, *further, "-o", tmp_path / f"{name}.png").code == 0
     assert [label.split()[-1] for label in labels] == ["[rad]", "[m]"]

@@ -10,11 +10,11 @@ import pytest
 from command import irsbot
 from rich.console import Console
 
-from irsbot_kinematics import load_robot
+from irsbot_kinematics import Robot, load_robot
 from irsbot_supervisor.cli import settings as module
-from irsbot_supervisor.configuration import loading
-from irsbot_supervisor.configuration.loading import read_settings
+from irsbot_supervisor.configuration.loading import _is_of
 from irsbot_supervisor.core.settings import Settings
+from irsbot_supervisor.replay.judgement import assumption_from
 
 
 @pytest.mark.parametrize("width", [40, 60, 80, 200])
@@ -41,12 +41,22 @@ def test_a_settings_file_is_checked_for_its_own_robot(tmp_path: Path) -> None:
         assert f"{file}: these are settings of robot 'linear_delta', not of 'irsbot2'" in refused.err
 
 
-def test_a_robot_file_is_the_same_from_every_folder(tmp_path: Path) -> None:
-    robot = load_robot("five_bar")
-    for stated, given in (("mine.yaml", "/else/mine.yaml"), ("five_bar", "five_bar"), ("five_bar", robot)):
-        if not isinstance(given, str) or given == stated:
-            assert read_settings(given, {"robot": stated})[0].robot == "five_bar"
-        else:
-            assert loading._is_of(stated, given)
-    for stated, given in (("mine.yaml", "five_bar"), ("five_bar", "five_bar.yaml"), ("irsbot2", robot)):
-        assert not loading._is_of(stated, given)
+@pytest.mark.parametrize(
+    ("stated", "robot", "same"),
+    [
+        ("five_bar", "five_bar", True),
+        ("five_bar", load_robot("five_bar"), True),
+        ("mine.yaml", "/else/mine.yaml", True),
+        ("mine.yaml", "five_bar", False),
+        ("five_bar", "five_bar.yaml", False),
+        ("irsbot2", load_robot("five_bar"), False),
+    ],
+)
+def test_a_robot_file_is_the_same_from_every_folder(stated: str, robot: str | Robot, same: bool) -> None:
+    assert _is_of(stated, robot) is same
+
+
+def test_a_bag_without_a_journal_is_of_the_robot_that_its_settings_name() -> None:
+    assumed = assumption_from(None, {"robot": "five_bar"}, None)
+    assert assumed is not None
+    assert assumed.robot == "five_bar"

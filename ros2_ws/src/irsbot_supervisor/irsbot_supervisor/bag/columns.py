@@ -63,7 +63,7 @@ def read_motion(path: Path, names: list[str]) -> tuple[Array, Array, Array]:
         raise BadInput(f"{path}: {_cell(row, 'time_s')} {fault}")
     rates = rate_names(names)
     velocities: Array = np.empty((0, len(names)))
-    if any(has_columns(path, [rate]) for rate in rates):
+    if not is_bag(path) and not set(rates).isdisjoint(column_names(path)):
         velocities = _finite(path, rates, read_joint_columns(path, rates).positions)
     return times, _finite(path, names, positions), velocities
 
@@ -71,11 +71,6 @@ def read_motion(path: Path, names: list[str]) -> tuple[Array, Array, Array]:
 def rate_names(names: list[str]) -> list[str]:
     """The columns with the velocities of joints."""
     return [f"{name}_velocity" for name in names]
-
-
-def has_columns(path: Path, names: list[str]) -> bool:
-    """True if a CSV table has columns with these names, False for a bag. Raises BadInput for a file that is neither."""
-    return not is_bag(path) and set(names) <= set(column_names(path))
 
 
 def column_names(path: Path) -> list[str]:

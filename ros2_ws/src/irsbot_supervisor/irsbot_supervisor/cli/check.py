@@ -66,23 +66,23 @@ def check_trajectory(
 
     Example: irsbot check-trajectory irsbot2 motion.csv.
     """
-    from irsbot_supervisor.bag.columns import column_names, has_columns, rate_names, read_motion  # polars loads slowly
+    from irsbot_supervisor.bag.columns import column_names, rate_names, read_motion  # polars loads slowly
 
     changes = read_values(existing(settings, "the settings file")) if settings is not None else {}
     limits, machine = read_settings(robot, changes, settings or "")
     task = [coordinate.name for coordinate in machine.mechanism.task]
-    of_platform = has_columns(existing(file, "the motion"), task)
-    of_joints = not of_platform or has_columns(file, list(limits.joint_names))
+    columns = [] if is_bag(existing(file, "the motion")) else column_names(file)
+    of_joints = set(limits.joint_names) <= set(columns) or not set(task) <= set(columns)
     names = list(limits.joint_names) if of_joints else task
+    used = {"time_s", *names, *(rate_names(names) if of_joints else ())}
+    if unused := [name for name in columns if name not in used]:
+        whose = "joints" if of_joints else "platform"
+        err.print(f"{file}: the motion is that of the {whose}; the columns {', '.join(unused)} are not used")
     times, places, velocities = read_motion(file, names)
     if of_joints:
         found = survey(machine, limits, times.tolist(), places.tolist(), velocities.tolist(), assembly)
     else:
         found = survey_poses(machine, limits, times.tolist(), places.tolist(), assembly)
-    used = {"time_s", *names, *(rate_names(names) if of_joints else ())}
-    if unused := [] if is_bag(file) else [name for name in column_names(file) if name not in used]:
-        whose = "joints" if of_joints else "platform"
-        err.print(f"{file}: the motion is that of the {whose}; the columns {', '.join(unused)} are not used")
     checked = _Checked(times, machine.mechanism.task, found)
     too_fast = [
         {"joint": name, "speed": speed, "unit": f"{joint.unit}/s", "limit": most, "row": checked.row(time_s)}

@@ -12,6 +12,7 @@ from typing import Any, NoReturn
 
 import typer
 from rich.console import Console
+from rich.table import Column, Table
 
 from irsbot_kinematics import BadInput, KinematicsError, Robot
 from irsbot_supervisor.bag.errors import BagError
@@ -90,6 +91,11 @@ def without_shared_folder(paths: Sequence[str]) -> tuple[str, list[str]]:
         return "", list(paths)
     shared = os.path.commonpath([Path(path).parent for path in paths])
     return shared, [os.path.relpath(path, shared or ".") for path in paths]
+
+
+def folding_table(*headings: str) -> Table:
+    """A table whose cells fold where there is little room: names and numbers are not cut."""
+    return Table(*(Column(heading, overflow="fold") for heading in headings))
 
 
 def print_json(value: Any) -> None:

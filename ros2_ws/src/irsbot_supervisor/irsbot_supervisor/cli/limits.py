@@ -7,11 +7,10 @@ from typing import Annotated, Any
 
 import typer
 import yaml
-from rich.table import Column, Table
 
 from irsbot_kinematics import BadInput
 from irsbot_kinematics.description.urdf import joint_ranges
-from irsbot_supervisor.cli.common import Failed, err, existing, out, print_json
+from irsbot_supervisor.cli.common import Failed, err, existing, folding_table, out, print_json
 from irsbot_supervisor.configuration.loading import PARAMETERS, read_settings, robot_of, shipped_values
 from irsbot_supervisor.configuration.machine_times import bounding_for, proposals, proposed_bounding
 from irsbot_supervisor.configuration.proposal import LimitProposal, Plant, Proposal, propose
@@ -24,8 +23,10 @@ FORCE_RATIO = 20.0 / 3.0
 """Default: the legs of a fast light robot carry about ten times the load in its own accelerations."""
 
 RATE_HZ = 1000.0
-MEASURED_S = 60.0
 """Default: joint states per second of a usual controller."""
+
+MEASURED_S = 60.0
+"""Default: duration of a measurement."""
 
 
 def limits(
@@ -45,7 +46,7 @@ def limits(
         bool, typer.Option("--measure", help="run the suite here and propose times from its measurements")
     ] = False,
     seconds: Annotated[
-        float | None, typer.Option(help="duration of --measure, s; 60 if left out", min=1.0, max=3600.0)
+        float | None, typer.Option(help=f"duration of --measure, s; {MEASURED_S:g} if left out", min=1.0, max=3600.0)
     ] = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="write the settings here, as ROS parameters")
@@ -144,7 +145,7 @@ def _measured(robot: str, seconds: float, rate_hz: float, output: Path | None, a
     if as_json:
         print_json([one._asdict() for one in found])
     else:
-        table = _folding("setting", "in force [s]", "longest met [s]", "proposed [s]", "why")
+        table = folding_table("setting", "in force [s]", "longest met [s]", "proposed [s]", "why")
         for one in found:
             table.add_row(one.name, f"{one.now:g}", f"{one.met:.4g}", f"{one.value:g}", one.why)
         out.print(table)
@@ -170,18 +171,13 @@ def _yaml(value: Any) -> str:
     return yaml.safe_dump(plain, default_flow_style=True, width=10_000).splitlines()[0]
 
 
-def _folding(*headings: str) -> Table:
-    """A table whose cells fold where there is little room: names and numbers stay whole."""
-    return Table(*(Column(heading, overflow="fold") for heading in headings))
-
-
 def _print(proposed: LimitProposal, units: list[str]) -> None:
-    table = _folding("setting", "value", "why")
+    table = folding_table("setting", "value", "why")
     for one in proposed.proposals:
         value = ", ".join(f"{number:g}" for number in one.value) if isinstance(one.value, tuple) else f"{one.value:g}"
         table.add_row(one.name, value, one.why)
     out.print(table)
-    table = _folding("joint", "needs to stop", "platform moves", "available at best", "of the speed", "limited by")
+    table = folding_table("joint", "needs to stop", "platform moves", "available at best", "of the speed", "limited by")
     for row in proposed.stopping:
         table.add_row(
             row.joint,
@@ -194,7 +190,7 @@ def _print(proposed: LimitProposal, units: list[str]) -> None:
     out.print(table)
     out.print(f"all joints at once, in the worst combination: {proposed.together:.0%} of the speed could be stopped")
     out.print("\nCost: how far joints can move until they stand, and in how many postures a resting robot is stopped")
-    table = _folding(
+    table = folding_table(
         "machine", "brakes act after", "from rest", "platform", "from full speed", "platform", "stopped at rest"
     )
     for cost in proposed.costs:

@@ -61,7 +61,8 @@ def draw(
     if what != FORCE and any(option is not None for option in (load, moment, admissible, centre)):
         raise BadInput("--load, --moment, --admissible and --centre belong to --what force")
     cluster = cluster_of(scheduler, workers)
-    wanted = Wanted(what, mode, box, joint_space, tuple(at or ()), *_loads(load, moment), admissible, centre, nodes)
+    force = 10.0 if load is None else load, moment or 0.0
+    wanted = Wanted(what, mode, box, joint_space, tuple(at or ()), *force, admissible, centre, nodes)
     if len(robots) == 1 and dataset.suffix:
         if dataset.suffix not in (*PICTURES, ".npz"):
             raise BadInput(f"cannot write '{dataset}': the suffix must be {', '.join(PICTURES)} or .npz")
@@ -78,8 +79,3 @@ def draw(
     if f".{suffix}" not in (*PICTURES, ".npz"):
         raise BadInput(f"--format is '{suffix}', must be png, svg, pdf or npz")
     draw_many(robots, wanted, f".{suffix}", dataset, cluster, as_json)
-
-
-def _loads(load: float | None, moment: float | None) -> tuple[float, float]:
-    """N and N m, with the defaults."""
-    return 10.0 if load is None else load, 0.0 if moment is None else moment

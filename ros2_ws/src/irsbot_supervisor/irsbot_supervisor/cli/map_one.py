@@ -86,7 +86,7 @@ def draw_robot(robot: str, wanted: Wanted, target: Path) -> Drawn:
     curves = known or ()
     if mechanism.symmetric_extent() and working_mode[0] == -working_mode[1]:
         rectangle = largest_rectangle(mechanism, Limits(0.0, 0.0, 0.0), working_mode)
-    outside = rectangle is not None and not _within(rectangle, ranges)
+    outside = rectangle is not None and not _inside(_corners(rectangle), ranges).all()
     places = mechanism.constraint_points(working_mode)
     points = np.array(places or ()).reshape(-1, 2)
     points = points[_inside(points, ranges)]
@@ -115,9 +115,9 @@ def draw_robot(robot: str, wanted: Wanted, target: Path) -> Drawn:
     return Drawn(facts, lines)
 
 
-def _within(rectangle: Rectangle, box: Box) -> bool:
-    wide = box.first[0] <= -rectangle.half_width and rectangle.half_width <= box.first[1]
-    return wide and box.second[0] <= rectangle.z_low and rectangle.z_high <= box.second[1]
+def _corners(rectangle: Rectangle) -> Array:
+    """The lowest and the highest one."""
+    return np.array([(-rectangle.half_width, rectangle.z_low), (rectangle.half_width, rectangle.z_high)])
 
 
 def _inside(points: Array, box: Box) -> Array:

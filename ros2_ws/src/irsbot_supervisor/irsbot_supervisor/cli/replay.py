@@ -6,13 +6,12 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.table import Column, Table
 
 from irsbot_kinematics import BadInput
 from irsbot_msgs_py.records import cause_names
 from irsbot_supervisor.cli import fleet
 from irsbot_supervisor.cli.cluster import SchedulerOption, WorkersOption, cluster_of
-from irsbot_supervisor.cli.common import BAD_INPUT, Failed, err, out, print_json
+from irsbot_supervisor.cli.common import BAD_INPUT, Failed, err, folding_table, out, print_json
 from irsbot_supervisor.cli.junit import Suite, write_junit
 from irsbot_supervisor.cli.progress import progress_bar
 from irsbot_supervisor.fleet.records import BagCheck
@@ -151,7 +150,7 @@ def _tell(found: BagJudgement, as_json: bool) -> None:
         print_json(found.as_json())
         return
     recording, judged = found.recording, found.judged
-    table = Table(*(Column(heading, overflow="fold") for heading in ("time [s]", "level", "causes", "finding")))
+    table = folding_table("time [s]", "level", "causes", "finding")
     for interval in found.levels:
         table.add_row(f"{interval.time_s:.3f}", interval.level.name, cause_names(interval.causes), interval.text)
     out.print(f"robot: {found.robot}")

@@ -65,12 +65,11 @@ def _plan(robot: str, replaced: list[str], vary: list[str], samples: int | None,
     ranges = {name: Range(getattr(g, name), getattr(g, name)) for name in PARAMETERS}
     if not vary:
         raise BadInput("nothing to vary; give --vary name=low:high, or name=low:high:steps for a grid")
-    fixed = {name for name, _value in pairs(replaced)}
-    varied: set[str] = set()
+    taken = {name: "--set" for name, _value in pairs(replaced)}
     for name, entries in pairs(vary):
-        if name in varied or name in fixed:
-            raise BadInput(f"--vary {name}: it has {'a --vary' if name in varied else 'a --set'} already")
-        varied.add(name)
+        if name in taken:
+            raise BadInput(f"--vary {name}: it has a {taken[name]} already")
+        taken[name] = "--vary"
         bounds = entries.split(":")
         if len(bounds) not in (2, 3) or (samples is None and len(bounds) == 2):
             wanted = "low:high" if samples is not None else "low:high:steps"

@@ -260,8 +260,7 @@ def assumption_from(
         settings = read_values(existing_file(settings, "the settings file"))
     elif not isinstance(settings, Mapping):
         raise BadInput(f"settings must be a mapping, a YAML file or Settings, got {type(settings).__name__}")
-    stated = settings.get("robot")
-    return Assumption(assumption.robot if assumption else None if stated is None else str(stated), settings)
+    return Assumption(assumption.robot if assumption else settings.get("robot"), settings)
 
 
 def existing_file(path: str | Path, what: str) -> Path:
