@@ -50,5 +50,7 @@ def test_what_cannot_be_read_is_refused_in_one_line_with_the_file(text: str | by
 
 def test_a_merged_mapping_may_be_replaced() -> None:
     """By YAML's own rule for the key <<."""
-    text = "usual: &usual {stop: 0.1, warn: 0.2}\nmine: {<<: *usual, stop: 0.3}"
-    assert parsed(text)["mine"] == {"stop": 0.3, "warn": 0.2}
+    text = (
+        "usual: &usual {stop: 0.1, warn: 0.2}\nfast: &fast {latency: 0.004}\nmine: {<<: *usual, <<: *fast, stop: 0.3}"
+    )
+    assert parsed(text)["mine"] == {"stop": 0.3, "warn": 0.2, "latency": 0.004}

@@ -41,7 +41,7 @@ def test_a_short_work_says_nothing_in_a_file(
 
 def test_a_terminal_has_the_bar_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     terminal = StringIO()
-    monkeypatch.setattr(progress, "err", Console(file=terminal, force_terminal=True))
+    monkeypatch.setattr(progress, "err", Console(file=terminal, force_terminal=True, color_system=None))
     advance_at(monkeypatch, 31.0, 62.0)
     assert "2/8" in terminal.getvalue()
     assert "of 8" not in terminal.getvalue()
