@@ -22,6 +22,7 @@ from irsbot_supervisor.core.stopping import CUTS_IF_CLEAR, CUTS_OF_A_SAMPLE, Sto
 from irsbot_supervisor.fleet.version import code_version
 from irsbot_supervisor.sim.scenario_file import scenario_robots
 from irsbot_supervisor.validation.bench import history, loop_closure, noise, one_sample
+from irsbot_supervisor.validation.bench.high_rate import HighRate
 from irsbot_supervisor.validation.bench.loop_closure import LoopClosure
 from irsbot_supervisor.validation.bench.one_sample import OneSample
 from irsbot_supervisor.validation.bench.recorder import Recorder
@@ -106,6 +107,13 @@ def test_losses_of_the_supervisor_alone_miss_the_goal() -> None:
     (row,) = [row for row in rows(Measured(transport=runs)) if row.goal == "P3"]
     assert row.measured == 1
     assert not row.met
+
+
+@pytest.mark.parametrize(("judged", "met"), [(100_000, True), (99_999, False)])
+def test_every_sample_at_5_khz_is_judged_and_states_may_be_fewer(judged: int, met: bool) -> None:
+    (row,) = rows(Measured(high_rate=HighRate(5000.0, 20.0, 100_000, judged, 25_000, 90.0)))
+    assert (row.goal, row.what, row.measured) == ("P3", "samples not judged at 5 kHz", 100_000 - judged)
+    assert row.met is met
 
 
 @pytest.mark.parametrize(
@@ -349,12 +357,15 @@ def test_help_has_an_example() -> None:
 @pytest.mark.slow
 def test_relays_and_supervisor_pass_on_messages_and_a_fresh_supervisor_judges() -> None:
     pytest.importorskip("irsbot_msgs", reason="needs the built workspace")
-    facts = facts_of("--only", "transport", "--only", "startup", "--only", "recorder")
+    facts = facts_of("--only", "transport", "--only", "high-rate", "--only", "startup", "--only", "recorder")
     assert {run["subject"] for run in facts["transport"]} == {RAW, TYPED, SUPERVISED}
     for run in facts["transport"]:
         assert run["sent"] > run["lost"], run
         assert 0.0 < run["p50_us"] <= run["p99_us"]
         assert run["cpu_us"] > 0.0
+    fast = facts["high_rate"]
+    assert 0 < fast["states"] <= fast["judged"] <= fast["sent"]
+    assert fast["cpu_us"] > 0.0
     for start in facts["startup"]:
         assert 0.0 < start["first_verdict_s"] <= start["first_judged_s"]
         assert start["resident_mb"] > 10.0

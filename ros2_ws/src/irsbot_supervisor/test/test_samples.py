@@ -17,8 +17,10 @@ from irsbot_msgs_py.cdr import encode_joint_state
 from irsbot_msgs_py.records import JointSample
 from irsbot_supervisor.nodes import clocks
 from irsbot_supervisor.nodes import samples as module
+from irsbot_supervisor.nodes.allowance import Allowance
 from irsbot_supervisor.nodes.clocks import both_clocks
-from irsbot_supervisor.nodes.samples import BURST_S, LATE_NS, MOST_BYTES, SHARE, Samples
+from irsbot_supervisor.nodes.samples import BURST_S, LATE_NS, MOST_BYTES, SAVED_S, SHARE, WAITED_NS, Samples
+from irsbot_supervisor.nodes.supervisor import STATES_AT_ONCE, STATES_HZ, SupervisorNode
 
 BEGIN_NS = 10**18
 BURST_NS = round(BURST_S * 1e9)
@@ -174,13 +176,46 @@ def test_a_late_sample_is_skipped_for_the_newest_that_waits(node: FakeNode):
     assert stream.skipped == 2
 
 
-def test_a_sample_in_time_is_judged_while_others_wait(node: FakeNode):
+def test_behind_a_sample_that_has_waited_all_that_wait_are_judged_at_once(node: FakeNode):
     stream = stream_of(node)
-    node.now_ns = LATE_NS
-    node.queue.waiting = [message(1_000_000)]
+    node.now_ns = WAITED_NS + 1
+    node.queue.waiting = [message(200_000), message(400_000)]
+    stream.subscription.callback(message(0))
+    assert node.judged == [0, 200_000, 400_000]
+    assert not node.queue.waiting
+    assert stream.skipped == 0
+
+
+def test_a_sample_that_has_not_waited_is_judged_alone(node: FakeNode):
+    stream = stream_of(node)
+    node.now_ns = WAITED_NS
+    node.queue.waiting = [message(200_000)]
     stream.subscription.callback(message(0))
     assert node.judged == [0]
     assert len(node.queue.waiting) == 1
+
+
+def test_time_is_scarce_before_a_sample_is_skipped(node: FakeNode):
+    """The rate is a tenth above that of the share: what was saved goes, and the last of it is for samples."""
+    stream, node.step_ns = stream_of(node), STEP_NS
+    scarce = []
+    while len(node.judged) == len(scarce):
+        scarce.append(stream.time_is_scarce)
+        node.now_ns = round(len(scarce) * STEP_NS / (1.1 * SHARE))
+        stream.subscription.callback(message(node.now_ns))
+    lost_per_sample_s = STEP_NS * 1e-9 * (1.0 - 1.0 / 1.1)
+    assert scarce == sorted(scarce)
+    assert scarce.count(False) == pytest.approx((BURST_S - SAVED_S) / lost_per_sample_s, rel=0.01)
+    assert scarce.count(True) == pytest.approx(SAVED_S / lost_per_sample_s, rel=0.05)
+
+
+@pytest.mark.parametrize(("scarce", "states_hz", "at_once"), [(False, 2500, 50), (True, 1000, 20)])
+def test_fewer_states_are_published_while_time_is_scarce(scarce: bool, states_hz: int, at_once: int):
+    node = SupervisorNode.__new__(SupervisorNode)
+    node._samples = SimpleNamespace(time_is_scarce=scarce)
+    node._publishing = Allowance(STATES_HZ, STATES_AT_ONCE, 0)
+    published = sum(node._may_publish(round(k * 1e9 / 5000.0)) for k in range(50_000))
+    assert published == pytest.approx(10 * states_hz + at_once, abs=1)
 
 
 def test_messages_that_are_too_large_or_no_joint_states_are_rejected(node: FakeNode):

@@ -20,6 +20,7 @@ from irsbot_supervisor.fleet.version import code_version
 from irsbot_supervisor.report.json_values import plain
 from irsbot_supervisor.validation.bench import (
     batch,
+    high_rate,
     loop_closure,
     offline,
     one_sample,
@@ -38,6 +39,7 @@ class Part(str, Enum):
 
     ONE_SAMPLE = "one-sample"
     TRANSPORT = "transport"
+    HIGH_RATE = "high-rate"
     BATCH = "batch"
     STARTUP = "startup"
     OFFLINE = "offline"
@@ -94,6 +96,7 @@ def _measure(parts: set[Part], quick: bool) -> Measured:
     return Measured(
         one_sample.measure(_tell, quick=quick) if Part.ONE_SAMPLE in parts else (),
         transport.measure(_tell, quick=quick) if Part.TRANSPORT in parts else (),
+        high_rate.measure(_tell, quick=quick) if Part.HIGH_RATE in parts else None,
         batch.measure(_tell, quick=quick) if Part.BATCH in parts else None,
         startup.measure(_tell, quick=quick) if Part.STARTUP in parts else (),
         offline.measure(_tell, quick=quick) if Part.OFFLINE in parts else None,
@@ -125,6 +128,12 @@ def _tables(measured: Measured) -> list[Table]:
             table.add_row(
                 subject.name, f"{p50:.0f}", f"{report.lower_quartile(runs):.0f}", f"{cpu:.0f}", f"{share:.0%}", lost
             )
+        tables.append(table)
+    if measured.high_rate is not None:
+        fast = measured.high_rate
+        title = f"{fast.rate_hz * 1e-3:g} kHz"
+        table = Table("sent", "not judged", "published states/s", "CPU per sample [us]", title=title)
+        table.add_row(str(fast.sent), str(fast.lost), f"{fast.states / fast.seconds:.0f}", f"{fast.cpu_us:.0f}")
         tables.append(table)
     if measured.one_sample:
         heads = ("median [us]", "p99 [us]", "worst [us]", "median with its state [us]", "hardest prediction [us]")
@@ -188,6 +197,7 @@ def _facts(measured: Measured, rows: list[Row], others: Others, quick: bool) -> 
         "goals": [{**row._asdict(), "met": row.met} for row in rows],
         "one_sample": [result._asdict() for result in measured.one_sample],
         "transport": [{**run._asdict(), "cpu_share": run.cpu_share} for run in measured.transport],
+        "high_rate": measured.high_rate._asdict() if measured.high_rate is not None else None,
         "batch": measured.batch._asdict() if measured.batch is not None else None,
         "offline": measured.offline._asdict() if measured.offline is not None else None,
         "recorder": measured.recorder._asdict() if measured.recorder is not None else None,

@@ -19,16 +19,22 @@ from irsbot_supervisor.nodes.allowance import Allowance
 from irsbot_supervisor.nodes.clocks import both_clocks
 from irsbot_supervisor.nodes.endpoints import subscription
 
-SHARE = 0.5
+SHARE = 0.6
 """1: share of the time that goes to judging, besides one held sample with every heartbeat. The rest is for the
-heartbeat, the gate and services."""
+heartbeat, the gate and services, and for rclpy, which takes half as long for a message as judging it."""
 
 BURST_S = 0.05
 """s of judging that may come at once: a process that was interrupted while it judged has not judged too much."""
 
+SAVED_S = 0.01
+"""s of judging that stay saved up for samples: with less, what can wait is left out."""
+
+WAITED_NS = 1_000_000
+"""ns: an older sample has waited here, or its sender is slow. Others may wait behind it: to take them together costs
+less than a callback for each."""
+
 LATE_NS = 5_000_000
-"""ns: an older sample has waited here, or its sender is slow; the queue shows which. It is not judged if a newer one
-waits."""
+"""ns: an older sample is not judged if a newer one waits."""
 
 MOST_BYTES = 65_536
 """A joint state of a thousand joints fits; larger messages are not decoded, because that could take longer than the
@@ -59,6 +65,11 @@ class Samples:
             node, JointState, "joint_states", self._on_sample, qos, raw=True, offered=OVERRIDES
         )
 
+    @property
+    def time_is_scarce(self) -> bool:
+        """True if samples come nearly as fast as they can be judged, or after a stall."""
+        return self._time.left < SAVED_S
+
     def settle(self) -> None:
         """Judge the sample that was held back. Called with every heartbeat: a newer one may not come."""
         if self._held:
@@ -86,9 +97,9 @@ class Samples:
             self._held = waiting[-1]
             return
         sample = self._decoded(data)
-        waiting = self._waiting() if _is_late(sample) else []
+        waiting = self._waiting() if _age_ns(sample) > WAITED_NS else []
         for newer in map(self._decoded, waiting):
-            if _is_late(sample):
+            if _age_ns(sample) > LATE_NS:
                 self.skipped += 1
             else:
                 self._judge(sample)
@@ -119,5 +130,5 @@ class Samples:
             return JointSample(0, received_ns, seen_ns, (), ())  # rejected for its names, and counted
 
 
-def _is_late(sample: JointSample) -> bool:
-    return sample.received_ns - sample.stamp_ns > LATE_NS
+def _age_ns(sample: JointSample) -> int:
+    return sample.received_ns - sample.stamp_ns

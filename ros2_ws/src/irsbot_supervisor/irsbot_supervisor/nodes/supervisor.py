@@ -62,13 +62,16 @@ STREAM = QoSProfile(depth=2000, reliability=ReliabilityPolicy.RELIABLE)
 """Deep queue, as deep as the recorder's: a recorder without processor time for two seconds at 1 kHz misses nothing, and
 without the states a replay does not know when samples were judged."""
 
-INLET = QoSProfile(depth=12, reliability=ReliabilityPolicy.RELIABLE)
-"""Short queue: older samples are skipped for newer ones anyway, and each place may keep memory for the largest
-message."""
+INLET = QoSProfile(depth=25, reliability=ReliabilityPolicy.RELIABLE)
+"""As many samples as come at 5 kHz until they are late: older ones are skipped for newer ones anyway."""
 
 STATES_HZ, STATES_AT_ONCE = 2500.0, 50.0
 """States published in a second, and at once after a stall. To publish a state takes longer than to judge a sample; each
 sample is judged, and each change of the verdict is published, at higher rates too."""
+
+SCARCE_PRICE = 2.5
+"""1: states that one state counts for while there is hardly time to judge all samples. Samples come first, but without
+1000 states in a second a replay would find silences."""
 
 SHOWN_NS = 50_000_000
 """ns: shortest time between markers, postures and diagnostics."""
@@ -249,8 +252,7 @@ class SupervisorNode(LifecycleNode):
                 self._reported_ns = event.seen_ns
                 compute_time_s = (time.monotonic_ns() - event.seen_ns) * 1e-9
                 state = State._make((*state[:-1], compute_time_s))  # a third of the time of `_replace`
-                if self._listened and self._publishing.grow(event.seen_ns) >= 1.0:
-                    self._publishing.left -= 1.0
+                if self._listened and self._may_publish(event.seen_ns):
                     self._states.publish(encode_state(state))
                 self._markers.state = self._diagnostics.state = self._posture.state = state
             if step.verdict is not None:
@@ -275,6 +277,14 @@ class SupervisorNode(LifecycleNode):
             step = self._supervisor.step(late)
             if step.verdict is not None:
                 self._say(step.verdict)
+
+    def _may_publish(self, now_ns: int) -> bool:
+        """True if one more state may be published; it counts as published."""
+        price = SCARCE_PRICE if self._samples.time_is_scarce else 1.0
+        if self._publishing.grow(now_ns) < price:
+            return False
+        self._publishing.left -= price
+        return True
 
     def _is_wanted(self, now_ns: int) -> bool:
         """True if states have a subscriber, or if a summary, markers, postures or diagnostics need a new one."""

@@ -1,1 +1,1 @@
-"""Benchmarks of one sample, batches, transport and start-up."""
+"""Benchmarks of one sample, batches, transport, high rates and start-up."""

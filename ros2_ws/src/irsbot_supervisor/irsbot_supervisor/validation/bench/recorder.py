@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import signal
 import time
-from collections import deque
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import psutil
 
 from irsbot_supervisor.bag.bag import Bag
 from irsbot_supervisor.bag.bag_writer import BagWriter
 from irsbot_supervisor.bag.salvage import salvage
-from irsbot_supervisor.processes.suite import RECORDER, SUPERVISOR, Node, Suite, SuiteError, free_domain
+from irsbot_supervisor.processes.suite import RECORDER, SUPERVISOR, Node, Suite, free_domain
 from irsbot_supervisor.validation.bench.motion import recorded
-from irsbot_supervisor.validation.bench.transport import PATIENCE_S, ROBOT, SOURCE
+from irsbot_supervisor.validation.bench.transport import ROBOT, SOURCE
 
 LEAST_MESSAGES = 500
 """Messages in the bag before anything is measured."""
@@ -61,8 +59,15 @@ def measure(tell: Callable[[str], None], *, quick: bool = False) -> Recorder:
 def _run(folder: Path, beats: int) -> tuple[float, float, float, float]:
     """Messages per second, us per message, longest turn and loss, s, of one recorder over some of its health messages,
     of which one comes each second."""
+    from irsbot_msgs.msg import RecorderHealth  # need ROS, which other parts of the benchmark do not
+
+    from irsbot_supervisor.validation.bench.listening import next_message
+
     domain, bag = free_domain(), folder / "bag"
-    with Suite(folder / "logs", domain) as suite, _health(domain) as next_health:
+    with (
+        Suite(folder / "logs", domain) as suite,
+        next_message(domain, RecorderHealth, "recorder/health") as next_health,
+    ):
         suite.start(Node("recorder", RECORDER, {"output": str(bag), "reserve_mib": 0}))
         suite.start(Node("supervisor", SUPERVISOR, {"robot": ROBOT}))
         suite.start(Node("source", SOURCE, {"robot": ROBOT, "times": str(folder / "sent")}))
@@ -80,38 +85,6 @@ def _run(folder: Path, beats: int) -> tuple[float, float, float, float]:
     cpu_s = after.user + after.system - before.user - before.system
     stall_s = max(health.write_time_max for health in heard)
     return count / (end - begin), cpu_s / count * 1e6, stall_s, (killed_ns - newest_ns) * 1e-9
-
-
-@contextmanager
-def _health(domain: int) -> Iterator[Callable[[Suite], Any]]:
-    """Gives a function that waits for the next health message. It raises SuiteError."""
-    import rclpy  # needs ROS, which other parts of the benchmark do not
-    from irsbot_msgs.msg import RecorderHealth
-    from rclpy.executors import SingleThreadedExecutor
-
-    context, heard = rclpy.Context(), deque[Any]()
-    rclpy.init(context=context, domain_id=domain)
-    node = rclpy.create_node("bench", context=context)
-    executor = SingleThreadedExecutor(context=context)
-    executor.add_node(node)
-    node.create_subscription(RecorderHealth, "recorder/health", lambda health: heard.append(health), 10)
-
-    def following(suite: Suite) -> Any:
-        heard.clear()
-        end = time.monotonic() + PATIENCE_S
-        while not heard:
-            executor.spin_once(timeout_sec=0.1)
-            suite.check()
-            if time.monotonic() > end:
-                raise SuiteError(f"the recorder has said nothing within {PATIENCE_S:.0f} s")
-        return heard[-1]
-
-    try:
-        yield following
-    finally:
-        executor.shutdown()
-        node.destroy_node()
-        rclpy.try_shutdown(context=context)
 
 
 def _salvage(number: int) -> float:

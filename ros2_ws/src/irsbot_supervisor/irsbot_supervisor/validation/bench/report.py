@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from irsbot_supervisor.validation.bench.batch import Batch
+from irsbot_supervisor.validation.bench.high_rate import HighRate
 from irsbot_supervisor.validation.bench.loop_closure import LoopClosure
 from irsbot_supervisor.validation.bench.offline import Offline
 from irsbot_supervisor.validation.bench.one_sample import OneSample
@@ -38,6 +39,7 @@ class Measured(NamedTuple):
 
     one_sample: Sequence[OneSample] = ()
     transport: Sequence[Run] = ()
+    high_rate: HighRate | None = None
     batch: Batch | None = None
     startup: Sequence[Start] = ()
     offline: Offline | None = None
@@ -50,6 +52,9 @@ def rows(measured: Measured) -> list[Row]:
     found: list[Row] = []
     if measured.transport:
         found += _transport(measured.transport)
+    if measured.high_rate is not None:
+        what = f"samples not judged at {measured.high_rate.rate_hz * 1e-3:g} kHz"
+        found.append(Row("P3", what, 0.0, False, float(measured.high_rate.lost), ""))
     if measured.one_sample:
         found += _one_sample(measured.one_sample)
     if measured.batch is not None:

@@ -1,4 +1,4 @@
-"""A process that publishes pick and place at 1 kHz and records the time of each sample."""
+"""A process that publishes pick and place and records the time of each sample."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from irsbot_supervisor.validation.bench.motion import RATE_HZ, machine_of
 
 
 class Source(Node):  # type: ignore[misc]
-    """Parameters: robot; times, the file that gets pairs of stamp and steady clock, ns, as 64-bit integers."""
+    """Parameters: robot; rate_hz; times, the file that gets pairs of stamp and steady clock, ns, as 64-bit integers."""
 
     thread_priority = PRIORITY  # as the supervisor has it: equal for all nodes of the chain
 
@@ -28,13 +28,15 @@ class Source(Node):  # type: ignore[misc]
         super().__init__("source")
         self.exit_code: int | None = None
         name = self.declare_parameter("robot", "irsbot2").value
+        rate_hz = self.declare_parameter("rate_hz", RATE_HZ).value
         self._times_file = self.declare_parameter("times", "").value
         settings, robot = read_settings(name)
         self._names, self._machine = settings.joint_names, machine_of(robot, name)
         self._times = array("q")
         self._outlet = self.create_publisher(JointState, "joint_states", STREAM)
         self._ros_time = RosTime(self.get_clock())
-        self._pacer = Pacer(RATE_HZ, self._cycle, self._fail)
+        self._period_s = 1.0 / rate_hz
+        self._pacer = Pacer(rate_hz, self._cycle, self._fail)
 
     def close(self) -> None:
         """Called by the shell before the node is destroyed."""
@@ -43,7 +45,7 @@ class Source(Node):  # type: ignore[misc]
             self._times.tofile(file)
 
     def _cycle(self, due_ns: int) -> None:
-        reading = self._machine.step(1.0 / RATE_HZ, 1.0)
+        reading = self._machine.step(self._period_s, 1.0)
         stamp_ns = self._ros_time.of(due_ns)  # time of reading: delayed samples were read in time
         message = encode_joint_state(JointSample(stamp_ns, stamp_ns, due_ns, self._names, *reading))
         self._times.extend((stamp_ns, time.monotonic_ns()))

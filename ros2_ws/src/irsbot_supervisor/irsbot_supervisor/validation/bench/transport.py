@@ -99,7 +99,7 @@ def _run(subject: Subject, folder: Path, warm_up_s: float, seconds: float) -> Ru
         resident_mb = process.memory_info().rss * 1e-6
         time.sleep(DRAIN_S)
         suite.check()
-    sent, seen = _times(sent_file), _times(seen_file)
+    sent, seen = times_of(sent_file), times_of(seen_file)
     latencies_us, lost = match(sent[(sent[:, 1] >= begin_ns) & (sent[:, 1] < end_ns)], seen)
     number = len(latencies_us) + lost
     cpu_s = (after.user + after.system) - (before.user + before.system)
@@ -138,5 +138,6 @@ def await_file(suite: Suite, file: Path) -> None:
         time.sleep(0.05)
 
 
-def _times(file: Path) -> NDArray[np.int64]:
+def times_of(file: Path) -> NDArray[np.int64]:
+    """(N, 2) int64: stamp and time, ns, as `source` and `sink` write them."""
     return np.fromfile(file, dtype=np.int64).reshape(-1, 2)
