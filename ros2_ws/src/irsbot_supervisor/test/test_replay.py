@@ -107,6 +107,65 @@ def test_an_altered_sample_is_named_with_its_consequences(bag: Path, tmp_path: P
     assert len(faults["recorded states"]) == 1
 
 
+def test_samples_without_a_state_are_judged_at_times_between_those_of_their_neighbours(
+    bag: Path, tmp_path: Path
+) -> None:
+    """Two of three states are gone, as at a high rate: not those that change the verdict or precede a silence."""
+    whole = read_recording(bag)
+    right = judge_again(whole)
+    told = {verdict.since_ns for _log, verdict in whole.verdicts}
+    silences = [a.seen_ns for a, b in zip(whole.states, whole.states[1:], strict=False) if b.seen_ns > a.seen_ns + 2e7]
+    kept = {whole.states[0].seen_ns, whole.states[-1].seen_ns, *told, *silences}
+    gone = 0
+
+    def lose(record: object) -> object:
+        nonlocal gone
+        if isinstance(record, SingularityState) and record.sequence % 3 and record.seen_ns not in kept:
+            gone += 1
+            return None
+        return record
+
+    few = read_recording(copied(bag, tmp_path / "few.mcap", lose))
+    judged = judge_again(few)
+    assert gone > 0.5 * len(whole.states)
+    assert (judged.missing, judged.unseen, judged.between) == (0, 0, gone)
+    assert judged.levels.items() == right.levels.items()
+    assert faults_of(few, judged) == {"recorded verdicts": (), "recorded states": ()}
+
+
+def test_of_more_samples_than_were_received_between_two_states_the_newest_are_judged(bag: Path, tmp_path: Path) -> None:
+    """Ten states are gone, and the supervisor counted nine: it had skipped a sample."""
+
+    def lose(record: object) -> object:
+        if not isinstance(record, SingularityState) or record.sequence <= 60:
+            return record
+        return None if record.sequence <= 70 else record._replace(sequence=record.sequence - 1)
+
+    whole = read_recording(bag)
+    watched: list[SingularityState] = []
+    few = read_recording(copied(bag, tmp_path / "skipped.mcap", lose))
+    judged = judge_again(few, watch=lambda _part, _now_ns, state: watched.append(state))
+    assert (judged.missing, judged.unseen, judged.between) == (0, 1, 9)
+    right = [state for state in whole.states if state.sequence != 61]
+    assert [state.stamp_ns for state in watched] == [state.stamp_ns for state in right]
+    assert [state.seen_ns for state in watched] == [state.seen_ns for state in right]  # all arrive equally late
+
+
+def test_nothing_is_assumed_of_samples_between_states_that_count_another_number(bag: Path, tmp_path: Path) -> None:
+    """Ten states are gone, and one of their samples: it may have been any of the ten."""
+    rows = {JointSample: 0, SingularityState: 0}
+
+    def lose(record: object) -> object:
+        for kind, first, last in ((JointSample, 65, 65), (SingularityState, 61, 70)):
+            if isinstance(record, kind):
+                rows[kind] += 1
+                return None if first <= rows[kind] <= last else record
+        return record
+
+    judged = judge_again(read_recording(copied(bag, tmp_path / "gap.mcap", lose)))
+    assert (judged.missing, judged.unseen, judged.between) == (10, 9, 0)
+
+
 def test_missing_samples_and_samples_without_a_state_are_counted(bag: Path, tmp_path: Path) -> None:
     seen = {JointSample: 0, SingularityState: 0}
 
@@ -118,7 +177,7 @@ def test_missing_samples_and_samples_without_a_state_are_counted(bag: Path, tmp_
         return record
 
     judged = judge_again(read_recording(copied(bag, tmp_path / "gap.mcap", lose)))
-    assert (judged.missing, judged.unseen) == (2, 1)
+    assert (judged.missing, judged.unseen, judged.between) == (1, 0, 1)
 
 
 @pytest.mark.parametrize("share", [0.4, 0.6, 0.8])

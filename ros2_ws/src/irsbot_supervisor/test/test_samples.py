@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,7 +15,7 @@ from rclpy.qos import QoSProfile
 
 from irsbot_msgs_py.cdr import encode_joint_state
 from irsbot_msgs_py.records import JointSample
-from irsbot_supervisor.nodes import clocks
+from irsbot_supervisor.nodes import clocks, supervisor
 from irsbot_supervisor.nodes import samples as module
 from irsbot_supervisor.nodes.allowance import Allowance
 from irsbot_supervisor.nodes.clocks import both_clocks
@@ -209,13 +209,45 @@ def test_time_is_scarce_before_a_sample_is_skipped(node: FakeNode):
     assert scarce.count(True) == pytest.approx(SAVED_S / lost_per_sample_s, rel=0.05)
 
 
-@pytest.mark.parametrize(("scarce", "states_hz", "at_once"), [(False, 2500, 50), (True, 1000, 20)])
-def test_fewer_states_are_published_while_time_is_scarce(scarce: bool, states_hz: int, at_once: int):
-    node = SupervisorNode.__new__(SupervisorNode)
-    node._samples = SimpleNamespace(time_is_scarce=scarce)
-    node._publishing = Allowance(STATES_HZ, STATES_AT_ONCE, 0)
-    published = sum(node._may_publish(round(k * 1e9 / 5000.0)) for k in range(50_000))
-    assert published == pytest.approx(10 * states_hz + at_once, abs=1)
+Telling = Callable[[bool, int, set[int]], list[int]]
+
+
+@pytest.fixture
+def told_of(monkeypatch: pytest.MonkeyPatch) -> Telling:
+    """Gives a function: numbers of the published states of samples at 5 kHz, some of which are judged otherwise than
+    those before."""
+    monkeypatch.setattr(supervisor, "encode_state", lambda state: state)
+
+    def told_of(scarce: bool, number: int, changes: set[int]) -> list[int]:
+        told: list[int] = []
+        node = SupervisorNode.__new__(SupervisorNode)
+        node._samples = SimpleNamespace(time_is_scarce=scarce)
+        node._publishing, node._unpublished = Allowance(STATES_HZ, STATES_AT_ONCE, 0), None
+        node._states = SimpleNamespace(publish=lambda state: told.append(state.sequence))
+        for k in range(number):
+            node._tell(SimpleNamespace(sequence=k, seen_ns=round(k * 1e9 / 5000.0)), k in changes)
+        return told
+
+    return told_of
+
+
+@pytest.mark.parametrize(("scarce", "states_hz", "at_once"), [(False, 2500, 25), (True, 1000, 10)])
+def test_fewer_states_are_published_while_time_is_scarce(told_of: Telling, scarce: bool, states_hz: int, at_once: int):
+    told = told_of(scarce, 50_000, set())
+    assert told == sorted(set(told))
+    assert len(told) == pytest.approx(10 * states_hz + at_once, abs=1)
+
+
+@pytest.mark.parametrize("scarce", [False, True])
+def test_the_states_beside_a_change_are_published_whatever_their_turn(told_of: Telling, scarce: bool):
+    changes = set(range(1000, 20_000, 101))
+    told = told_of(scarce, 20_000, changes)
+    assert told == sorted(set(told))
+    assert changes | {number - 1 for number in changes} <= set(told)
+
+
+def test_states_that_change_with_every_sample_have_the_same_limit(told_of: Telling):
+    assert len(told_of(False, 50_000, set(range(50_000)))) == pytest.approx(25_050, abs=3)
 
 
 def test_messages_that_are_too_large_or_no_joint_states_are_rejected(node: FakeNode):

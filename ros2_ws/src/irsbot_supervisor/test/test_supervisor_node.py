@@ -26,6 +26,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from irsbot_msgs_py.records import Cause, JointSample, Level
+from irsbot_supervisor.core.settings import Settings
 
 pytestmark = pytest.mark.ros
 
@@ -228,10 +229,29 @@ def test_states_are_published_at_their_most(wire: Wire, monkeypatch: pytest.Monk
     cell = Cell(wire, module="few_states")
     wire.until(lambda: len(cell.states) >= 20, "states")
     passed_s = (cell.states[-1].seen_ns - cell.states[0].seen_ns) * 1e-9
-    assert len(cell.states) <= STATES_HZ * passed_s + STATES_AT_ONCE + 1
+    states_hz = STATES_HZ + 1.0 / Settings.heartbeat_s  # with each heartbeat the newest
+    assert len(cell.states) <= states_hz * passed_s + STATES_AT_ONCE + 1
     numbers = [state.sequence for state in cell.states]
     assert sorted(set(numbers)) == numbers
     assert numbers[-1] > 2 * len(numbers), "hardly more samples than states: the test proves nothing"
+
+
+def test_samples_that_change_the_verdict_or_precede_a_silence_have_a_state(wire: Wire, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent / "helpers"), prepend=":")
+    cell = Cell(wire, module="few_states")
+    cell.heard_level(Level.OK)
+    begun_ns, dwell_ns = [], round(Settings.dwell_s * 1e9)
+    for _ in range(3):
+        cell.say = lambda t: bad(t, position=(math.nan, math.nan))
+        begun_ns.append(cell.heard(lambda v: bool(v.causes & Cause.NONFINITE), "NONFINITE")[-1].since_ns)
+        cell.say = resting(GOOD)
+        again = cell.heard(lambda v: v.level == Level.OK, "recovery")[-1]
+        begun_ns.append(again.since_ns - dwell_ns)  # the last sample that was bad
+    cell.say = lambda t: None
+    (*_, stale) = cell.heard(lambda verdict: bool(verdict.causes & Cause.STALE), "STALE")
+    begun_ns.append(stale.since_ns - STALE_NS)
+    wire.until(lambda: {state.seen_ns for state in cell.states}.issuperset(begun_ns), f"states seen at {begun_ns}")
+    assert len(set(begun_ns)) == 7
 
 
 def test_passive_joints_are_published_to_subscribers(cell: Cell):

@@ -161,6 +161,8 @@ def _tell(found: BagJudgement, as_json: bool) -> None:
     counts = f"{len(judged.levels)} samples judged again"
     if len(judged.parts) > 1:
         counts += f" by {len(judged.parts)} supervisors one after another"
+    if judged.between:
+        counts += f", {judged.between} of them at times between those of their neighbours"
     if judged.unseen:
         counts += f", {judged.unseen} in the bag never reached a supervisor"
     if judged.missing:

@@ -19,7 +19,7 @@ from irsbot_kinematics import KinematicsError
 from irsbot_msgs_py.cdr import encode_state, encode_verdict
 from irsbot_msgs_py.process.priority import LIMITS, MEANING, PARAMETER, PRIORITY
 from irsbot_msgs_py.process.run import run
-from irsbot_msgs_py.records import Bypass, JointSample, LateBrakes, Reset, Restart, Tick, Verdict
+from irsbot_msgs_py.records import Bypass, JointSample, LateBrakes, Level, Reset, Restart, Tick, Verdict
 from irsbot_msgs_py.records import SingularityState as State
 from irsbot_supervisor.bag.journal import Entry, configured, write_entry
 from irsbot_supervisor.core.events import Configure, Event, Step
@@ -67,11 +67,15 @@ INLET = QoSProfile(depth=25, reliability=ReliabilityPolicy.RELIABLE)
 
 STATES_HZ, STATES_AT_ONCE = 2500.0, 50.0
 """States published in a second, and at once after a stall. To publish a state takes longer than to judge a sample; each
-sample is judged, and each change of the verdict is published, at higher rates too."""
+sample is judged at higher rates too. With each heartbeat the newest is published: a replay knows since when a silence
+lasts."""
+
+STATES_OF_CHANGES = 25.0
+"""States that are kept for the samples next to a change of level or causes, whose times a replay has to know."""
 
 SCARCE_PRICE = 2.5
 """1: states that one state counts for while there is hardly time to judge all samples. Samples come first, but without
-1000 states in a second a replay would find silences."""
+1000 states in a second a replay would have to guess too many times."""
 
 SHOWN_NS = 50_000_000
 """ns: shortest time between markers, postures and diagnostics."""
@@ -107,6 +111,8 @@ class SupervisorNode(LifecycleNode):
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._heart: Timer | None = None
         self._publishing = Allowance(STATES_HZ, STATES_AT_ONCE, time.monotonic_ns())
+        self._unpublished: State | None = None  # the newest state, if it had no turn
+        self._found: tuple[Level, int] | None = None  # level and causes of the newest sample
         self._listened = False  # True if states have a subscriber; a new one is noticed with the next sample
         self._reported_ns = 0  # seen_ns of the newest state
         self._told_ns = 0  # `brakes_ns` of the newest `LateBrakes`
@@ -210,7 +216,7 @@ class SupervisorNode(LifecycleNode):
             self._follow.close()
         self._safe.close()
         self._diagnostics.forget()
-        self._markers.verdict = self._markers.state = self._posture.state = None
+        self._markers.verdict = self._markers.state = self._posture.state = self._unpublished = None
         for spoken in self._speech:
             self.destroy_publisher(spoken)
         self._speech = []
@@ -230,6 +236,7 @@ class SupervisorNode(LifecycleNode):
 
     def _on_tick(self) -> None:
         self._samples.settle()
+        self._tell_newest(0.0)  # a silence may follow: a replay has to know since when
         self._listened = self._active and self._states.get_subscription_count() > 0
         self._summary.look()
         tick = Tick(*both_clocks(self))
@@ -252,8 +259,9 @@ class SupervisorNode(LifecycleNode):
                 self._reported_ns = event.seen_ns
                 compute_time_s = (time.monotonic_ns() - event.seen_ns) * 1e-9
                 state = State._make((*state[:-1], compute_time_s))  # a third of the time of `_replace`
-                if self._listened and self._may_publish(event.seen_ns):
-                    self._states.publish(encode_state(state))
+                if self._listened:
+                    self._tell(state, step.found != self._found or step.verdict is not None)
+                self._found = step.found
                 self._markers.state = self._diagnostics.state = self._posture.state = state
             if step.verdict is not None:
                 self._say(step.verdict)
@@ -278,13 +286,22 @@ class SupervisorNode(LifecycleNode):
             if step.verdict is not None:
                 self._say(step.verdict)
 
-    def _may_publish(self, now_ns: int) -> bool:
-        """True if one more state may be published; it counts as published."""
-        price = SCARCE_PRICE if self._samples.time_is_scarce else 1.0
-        if self._publishing.grow(now_ns) < price:
-            return False
-        self._publishing.left -= price
-        return True
+    def _tell(self, state: State, changed: bool) -> None:
+        """Publish a state if it has its turn. changed: the sample is judged otherwise than the one before; then the
+        states of both have theirs."""
+        left, price = self._publishing.grow(state.seen_ns), SCARCE_PRICE if self._samples.time_is_scarce else 1.0
+        if changed := changed and left >= 2.0 * price:
+            self._tell_newest(price)
+        self._unpublished = state
+        if changed or left >= STATES_OF_CHANGES + price:
+            self._tell_newest(price)
+
+    def _tell_newest(self, price: float) -> None:
+        """Publish the newest state, unless it is published."""
+        if self._unpublished is not None:
+            self._states.publish(encode_state(self._unpublished))
+            self._unpublished = None
+            self._publishing.left -= price
 
     def _is_wanted(self, now_ns: int) -> bool:
         """True if states have a subscriber, or if a summary, markers, postures or diagnostics need a new one."""

@@ -44,6 +44,7 @@ class Judged:
     levels: Levels  # by number of the supervision and of the sample: level and causes
     unseen: int  # joint states in the bag that never reached a supervisor
     missing: int  # samples a supervisor saw that are not in the bag
+    between: int = 0  # samples without a state, judged at times between those of their neighbours
     robot: str = ""  # for which it was judged, and how it is known
     errors: list[str] = field(default_factory=list)  # inside the supervisors, as a node would have caught them
     margins: dict[str, tuple[float, int]] = field(default_factory=dict)  # smallest by name, and its stamp, ns ROS time

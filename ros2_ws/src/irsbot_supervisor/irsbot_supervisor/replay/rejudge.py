@@ -1,13 +1,12 @@
 """Judges a recorded run again, from the bag alone: in process, event by event, as fast as possible.
 
 The bag contains the supervisor's inputs: the joint states, and the journal with its settings and resets. The published
-states contain the time at which each input was received. A bag without a journal (joint states only) is judged for a
+states tell when each sample was received: `received.py`. A bag without a journal (joint states only) is judged for a
 given robot, in the order and at the times of its recording.
 """
 
 from __future__ import annotations
 
-from collections import defaultdict, deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import count
 from pathlib import Path
@@ -22,6 +21,7 @@ from irsbot_supervisor.configuration.loading import read_settings, robot_of
 from irsbot_supervisor.core.settings import InvalidSettings, Settings
 from irsbot_supervisor.replay.judged import SILENCE_NS, Interval, Judged
 from irsbot_supervisor.replay.levels import Levels
+from irsbot_supervisor.replay.received import Received
 from irsbot_supervisor.replay.recording import Recording, SupervisorSession
 from irsbot_supervisor.replay.stepping import Input, Stepper, Watch, WatchRows, in_order
 
@@ -74,19 +74,17 @@ def judge_again(
             begin = first._replace(seen_ns=first.received_ns)
             _step_through(judged, begin, events, count(1), files, watches)
             return judged
-        waiting: dict[int, deque[JointSample]] = defaultdict(deque)
-        for sample in recording.samples:
-            waiting[sample.stamp_ns].append(sample)
+        received = Received(recording.samples)
         for session in recording.sessions:
             first = next((entry for entry in session.journal if isinstance(entry, Configuration)), first)
-            seen = _seen(session, waiting)
+            seen = received.of(session)
             last = session.states[-1].sequence - session.states[0].sequence + 1 if session.states else 0
             judged.missing += last - len(seen)
             events = _events(session, first, list(seen.values()))
             _step_through(judged, first, events, seen, files, watches, session.ahead_ns)
         for session, part, later in zip(recording.sessions, judged.parts, judged.parts[1:], strict=False):
             part += _silence(session.end_ns, later[0].since_ns)
-        judged.unseen = sum(len(queue) for queue in waiting.values())
+        judged.unseen, judged.between = received.left, received.between
     except (InvalidSettings, KinematicsError) as error:
         raise BagError(f"{recording.path}: {error}") from None
     return judged
@@ -148,15 +146,6 @@ def _need_joints(recording: Recording, joints: Sequence[str]) -> None:
         known = "; ".join(sorted(", ".join(names) or "no names" for names in sets))
         fault = f"no message names all joints of the robot, {', '.join(joints)}; there are {known}"
         raise BagError(f"{recording.path}: {fault}. Other names are said by joint_names in --params FILE")
-
-
-def _seen(session: SupervisorSession, waiting: dict[int, deque[JointSample]]) -> dict[int, JointSample]:
-    """The samples that a supervisor received, with its numbers and times; they are taken from the waiting ones."""
-    return {
-        state.sequence: waiting[state.stamp_ns].popleft()._replace(received_ns=state.received_ns, seen_ns=state.seen_ns)
-        for state in session.states
-        if waiting[state.stamp_ns]
-    }
 
 
 def _events(

@@ -39,6 +39,7 @@ def summary(recording: Recording, judged: Judged, series: Series) -> dict[str, A
         "rejected": {Cause(cause).name: count for cause, count in sorted(judged.rejections.items())},
         "unseen": judged.unseen,
         "missing": judged.missing,
+        "between": judged.between,
     }
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-STATES_HZ, STATES_AT_ONCE = 10.0, 5.0
+STATES_HZ, STATES_AT_ONCE = 10.0, 30.0
 
 if __name__ == "__main__":
     from irsbot_supervisor.nodes import supervisor
