@@ -84,6 +84,7 @@ def _show_robot(axes: Any, system: System, configuration: Configuration, colour:
         )
         axes.text(*place, f" {name}", fontsize=7)
     if len(next(iter(points.values()))) == 2:
+        axes.margins(0.12)  # room for the names of the outermost points
         axes.set_aspect("equal", adjustable="datalim")
     axes.tick_params(labelsize=7)
     axes.set_xlabel("x [length]", fontsize=8)
