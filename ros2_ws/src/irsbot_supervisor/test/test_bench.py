@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from math import inf, nan
@@ -16,10 +17,12 @@ from counted import Counted
 from supervised import settings_of
 
 import irsbot_kinematics as irs
+from irsbot_msgs_py.process import fastdds
 from irsbot_supervisor.cli.bench import bench
 from irsbot_supervisor.core.settings import Settings
 from irsbot_supervisor.core.stopping import CUTS_IF_CLEAR, CUTS_OF_A_SAMPLE, StoppingPredictor
 from irsbot_supervisor.fleet.version import code_version
+from irsbot_supervisor.processes.suite import free_domain
 from irsbot_supervisor.sim.scenario_file import scenario_robots
 from irsbot_supervisor.validation.bench import history, loop_closure, noise, one_sample
 from irsbot_supervisor.validation.bench.high_rate import HighRate
@@ -351,6 +354,19 @@ def test_tables_show_goal_measurement_and_whether_it_was_met() -> None:
 
 def test_help_has_an_example() -> None:
     assert "Example: irsbot bench" in run_bench("--help").stdout
+
+
+@pytest.mark.ros
+def test_who_listens_is_found_as_early_as_the_nodes(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("irsbot_msgs", reason="needs the built workspace")
+    from std_msgs.msg import Bool
+
+    from irsbot_supervisor.validation.bench.listening import next_message
+
+    for name in (fastdds.TRANSPORTS, fastdds.PROFILES):
+        monkeypatch.delenv(name, raising=False)
+    with next_message(free_domain(), Bool, "anything"):
+        assert os.environ[fastdds.PROFILES] in (fastdds.NETWORK, fastdds.LOCALHOST)
 
 
 @pytest.mark.ros

@@ -3,6 +3,7 @@ used."""
 
 from __future__ import annotations
 
+import os
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -12,6 +13,7 @@ from typing import Any
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 
+from irsbot_msgs_py.process.fastdds import choose_transport
 from irsbot_supervisor.processes.suite import Suite, SuiteError
 from irsbot_supervisor.validation.bench.transport import PATIENCE_S
 
@@ -19,6 +21,7 @@ from irsbot_supervisor.validation.bench.transport import PATIENCE_S
 @contextmanager
 def next_message(domain: int, kind: Any, topic: str) -> Iterator[Callable[[Suite], Any]]:
     """Gives a function that waits for the next message of a topic. It raises SuiteError if none comes."""
+    choose_transport(os.environ, rclpy.get_rmw_implementation_identifier())  # for all that this process starts later
     context, heard = rclpy.Context(), deque[Any]()
     rclpy.init(context=context, domain_id=domain)
     node = rclpy.create_node("bench", context=context)
