@@ -89,12 +89,12 @@ def _called(library: ctypes.PyDLL, name: str) -> BoxCode:
     return code
 
 
-@cache
 def source_of(module: str) -> Path:
     """The file of one of `SOURCES`."""
     return Path(__file__).parent.parent.joinpath(*module.split(".")).with_suffix(".py")
 
 
+@cache
 def _digest() -> str:
     """Of the sources, and of the machine."""
     found = hashlib.sha256(platform.machine().encode())

@@ -13,7 +13,7 @@ import psutil
 
 from irsbot_msgs_py.stamps import nanoseconds
 from irsbot_supervisor.processes.suite import SUPERVISOR, Node, Suite, free_domain
-from irsbot_supervisor.validation.bench.transport import ROBOT, SINK, SOURCE, WARM_UP_S, times_of
+from irsbot_supervisor.validation.bench.transport import ROBOT, SINK, SOURCE, WARM_UP_S, cpu_s, times_of
 
 RATE_HZ = 5000.0
 """Faster than the usual cycles of drives: 1 to 4 kHz."""
@@ -61,13 +61,14 @@ def _run(folder: Path, warm_up_s: float, seconds: float) -> HighRate:
         following(suite)
         time.sleep(warm_up_s)
         process = psutil.Process(suite.processes["supervisor"].pid)
-        first, before, begin = following(suite).state, process.cpu_times(), time.monotonic()
+        first, before_s, begin = following(suite).state, cpu_s(process), time.monotonic()
         time.sleep(seconds)
-        last, after, end = following(suite).state, process.cpu_times(), time.monotonic()
+        last, after_s, end = following(suite).state, cpu_s(process), time.monotonic()
         suite.check()
     sent, states = (_between(times_of(file)[:, 0], first, last) for file in (sent_file, seen_file))
-    cpu_s = (after.user + after.system) - (before.user + before.system)
-    return HighRate(RATE_HZ, end - begin, sent, last.sequence - first.sequence, states, cpu_s / sent * 1e6)
+    return HighRate(
+        RATE_HZ, end - begin, sent, last.sequence - first.sequence, states, (after_s - before_s) / sent * 1e6
+    )
 
 
 def _between(stamps: Any, first: Any, last: Any) -> int:

@@ -16,7 +16,7 @@ from irsbot_supervisor.bag.bag_writer import BagWriter
 from irsbot_supervisor.bag.salvage import salvage
 from irsbot_supervisor.processes.suite import RECORDER, SUPERVISOR, Node, Suite, free_domain
 from irsbot_supervisor.validation.bench.motion import recorded
-from irsbot_supervisor.validation.bench.transport import ROBOT, SOURCE
+from irsbot_supervisor.validation.bench.transport import ROBOT, SOURCE, cpu_s
 
 LEAST_MESSAGES = 500
 """Messages in the bag before anything is measured."""
@@ -74,17 +74,16 @@ def _run(folder: Path, beats: int) -> tuple[float, float, float, float]:
         while next_health(suite).messages_written < LEAST_MESSAGES:
             pass
         process = psutil.Process(suite.processes["recorder"].pid)
-        first, before, begin = next_health(suite), process.cpu_times(), time.monotonic()
+        first, before_s, begin = next_health(suite), cpu_s(process), time.monotonic()
         heard = [next_health(suite) for _ in range(beats)]
-        end, after = time.monotonic(), process.cpu_times()
+        end, after_s = time.monotonic(), cpu_s(process)
         suite.end("recorder", signal.SIGKILL)
         killed_ns = time.time_ns()
     with Bag(bag) as opened:
         newest_ns = max(entry.log_ns for entry in opened.records("supervisor/state"))
     count = heard[-1].messages_written - first.messages_written
-    cpu_s = after.user + after.system - before.user - before.system
     stall_s = max(health.write_time_max for health in heard)
-    return count / (end - begin), cpu_s / count * 1e6, stall_s, (killed_ns - newest_ns) * 1e-9
+    return count / (end - begin), (after_s - before_s) / count * 1e6, stall_s, (killed_ns - newest_ns) * 1e-9
 
 
 def _salvage(number: int) -> float:

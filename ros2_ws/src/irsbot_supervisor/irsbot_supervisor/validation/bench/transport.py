@@ -93,16 +93,15 @@ def _run(subject: Subject, folder: Path, warm_up_s: float, seconds: float) -> Ru
         await_file(suite, seen_file)
         time.sleep(warm_up_s)
         process = psutil.Process(suite.processes[subject.node.name].pid)
-        begin_ns, before = time.monotonic_ns(), process.cpu_times()
+        begin_ns, before_s = time.monotonic_ns(), cpu_s(process)
         time.sleep(seconds)
-        end_ns, after = time.monotonic_ns(), process.cpu_times()
+        end_ns, after_s = time.monotonic_ns(), cpu_s(process)
         resident_mb = process.memory_info().rss * 1e-6
         time.sleep(DRAIN_S)
         suite.check()
     sent, seen = times_of(sent_file), times_of(seen_file)
     latencies_us, lost = match(sent[(sent[:, 1] >= begin_ns) & (sent[:, 1] < end_ns)], seen)
     number = len(latencies_us) + lost
-    cpu_s = (after.user + after.system) - (before.user + before.system)
     p50, p99 = np.percentile(latencies_us, (50.0, 99.0)) if latencies_us else (np.nan, np.nan)
     return Run(
         subject.name,
@@ -111,7 +110,7 @@ def _run(subject: Subject, folder: Path, warm_up_s: float, seconds: float) -> Ru
         lost,
         float(p50),
         float(p99),
-        cpu_s / number * 1e6 if number else np.nan,
+        (after_s - before_s) / number * 1e6 if number else np.nan,
         resident_mb,
     )
 
@@ -136,6 +135,12 @@ def await_file(suite: Suite, file: Path) -> None:
         if time.monotonic() > deadline:
             raise SuiteError(f"no message has come through within {PATIENCE_S:.0f} s")
         time.sleep(0.05)
+
+
+def cpu_s(process: psutil.Process) -> float:
+    """s of processor time that a process has used, its own and the system's for it."""
+    times = process.cpu_times()
+    return float(times.user + times.system)
 
 
 def times_of(file: Path) -> NDArray[np.int64]:
