@@ -338,7 +338,7 @@ def test_a_box_with_a_corner_without_a_posture_seldom_takes_cuts(name: str) -> N
     assert sum(took) <= 0.1 * 16 * len(took)
 
 
-TO_BE_CUT = {"irsbot2": 0.2, "orthoglide": 0.04, "rrr3": 0.09, "rrr3_base": 0.08, "ruu4": 0.05}
+TO_BE_CUT = {"irsbot2": 0.2, "orthoglide": 0.04, "rrr3": 0.09, "rrr3_base": 0.08, "rpr3": 0.02, "ruu4": 0.05}
 """rad or m: half extents of boxes that need cuts."""
 
 
@@ -386,6 +386,35 @@ def test_a_search_begins_with_the_parts_of_the_last_one_which_together_are_the_w
     assert divided >= 5, "nothing was cut: the fixture proves nothing"
 
 
+@pytest.mark.parametrize("name", ["rrr3_base", "rpr3", "ruu4"])
+def test_the_branch_of_a_part_is_followed_from_the_nearest_part_beside_it(name: str) -> None:
+    """The straight way stays in the smallest part around both, which is what proves that all are on one branch."""
+    robot, divided = shipped(name)[1], 0
+    for at in postures(name, 8, least=0.2):
+        search, (low, high), goal = search_near(name, at)
+        search.proves(goal, 24)
+        parts = sorted(search.parts(goal, 100))
+        counted = Counted(robot.mechanism)
+        BoxBounds(counted, 0.0).search(at, low, high, tuple(reversed(parts))).proves((-1.0,) * 4, 0)
+        (_, middle), *ways = counted.ways
+        for k, (start, end) in enumerate(ways):
+            before = parts[:k] or [()]
+            depths = [
+                next((n for n, (a, b) in enumerate(zip(parts[k], other, strict=False)) if a != b), 0)
+                for other in before
+            ]
+            beside = [other for other, depth in zip(before, depths, strict=True) if depth == max(depths)]
+            ends = [0.5 * np.add(*extent(part, np.array(low), np.array(high))) for part in (*beside, parts[k])]
+            ways_there = np.abs(np.subtract(ends[:-1], ends[-1])).sum(axis=1)
+            np.testing.assert_allclose(end.joints, ends[-1], rtol=0.0, atol=1e-12)
+            assert np.abs(np.subtract(start.joints, end.joints)).sum() <= ways_there.min() + 1e-12
+            assert np.isclose(ends[:-1], start.joints, rtol=0.0, atol=1e-12).all(axis=1).any()
+            straight = robot.mechanism.track(end.joints, middle)
+            np.testing.assert_allclose(end.pose, straight.pose, rtol=0.0, atol=1e-9)
+        divided += len(ways)
+    assert divided >= 50, "nothing was cut: the fixture proves nothing"
+
+
 @pytest.mark.parametrize("name", ["irsbot2", "orthoglide", "rrr3"])
 def test_halves_become_one_again_where_no_cut_was_needed(name: str) -> None:
     robot, less = shipped(name)[1], 0
@@ -409,7 +438,8 @@ def test_the_neighbours_of_the_middle_are_solved_once_for_all_margins_that_desce
         _search, (low, high), goal = search_near(name, at)
         counted = Counted(robot.mechanism)
         BoxBounds(counted, 0.0).search(at, low, high).proves(goal, 12)
-        ways = np.abs(np.array(counted.followed) - counted.followed[0])  # the middle comes first
+        ends = np.array([end.joints for _, end in counted.ways])
+        ways = np.abs(ends - ends[0])  # the middle comes first
         neighbours = np.isclose(np.sort(ways), [0.0] * (len(low) - 1) + [PROBE], rtol=0.0, atol=1e-12).all(axis=1)
         corners = np.isclose(ways, TO_BE_CUT[name], rtol=0.0, atol=1e-12).all(axis=1)
         assert neighbours.sum() == (2 * len(low) if corners.any() else 0)

@@ -56,6 +56,7 @@ class Search:
         self._mechanism, self._slack_m, self._near = mechanism, slack_m, near
         self._middle = tuple([0.5 * (a + b) for a, b in zip(low, high, strict=True)])
         self._half = tuple([0.5 * (b - a) for a, b in zip(low, high, strict=True)])
+        self._weights = [1.0 / half if half > 0.0 else 0.0 for half in self._half]  # of ways, as shares of the box
         self._boxes: list[Box] = []
         self._wanted: Margins | None = None
         self._spares: list[float] = []  # of the first boxes, from what is wanted
@@ -128,11 +129,36 @@ class Search:
         """Bound the parts to begin with."""
         self._at = self._mechanism.track(self._middle, self._near)
         if self._see(self._at):
-            for part in self._begun:
+            for part in sorted(self._begun):  # the halves of a part follow each other
                 if part:
-                    self._add(self._at, *self._extent(part), goal, part)
+                    middle, half = self._extent(part)
+                    self._add(self._nearest(part, middle), middle, half, goal, part)
                 else:
                     self._bound(self._at, self._half, goal, part)
+
+    def _nearest(self, part: Part, middle: Floats) -> Posture:
+        """From where the branch is followed to the middle of a part: of the smallest part around it that has postures
+        already, the nearest one. A short way needs few steps.
+
+        Parts that are all free of Type 2 are then on one branch. For halves of a part: the way from one half to the
+        other is straight, so it stays in the part, and crosses the face between the halves once. There both have the
+        same posture, and so all over the face, because it is connected. The larger part is free of Type 2, too, and on
+        one branch; the same holds for the part of which it is a half.
+        """
+        if self._mechanism.label_is_invariant or not self._boxes:
+            return self._at  # where labels are invariant, no way is followed
+        pairs = zip(part, self._boxes[-1].part, strict=False)
+        depth = next(k for k, (one, other) in enumerate(pairs) if one != other)
+        found, least = self._at, inf
+        for box in reversed(self._boxes):
+            if box.part[:depth] != part[:depth]:
+                break
+            way = 0.0
+            for q, start, weight in zip(middle, box.at.joints, self._weights, strict=True):
+                way += weight * abs(q - start)
+            if way < least:
+                found, least = box.at, way
+        return found
 
     def _extent(self, part: Part) -> tuple[Floats, Floats]:
         """Middle and half extents of a part."""

@@ -33,7 +33,7 @@ from irsbot_supervisor.core.settings import Settings, is_time_for
 CUTS_OF_A_SAMPLE = 12
 """Number of cuts for one sample in total, if its time is not limited: the robot moves during the computation."""
 
-CUTS_IF_CLEAR = 80
+CUTS_IF_CLEAR = 120
 """The same where no posture that was looked at comes near the limits. A stop would be false there, so it is worth more
 time; near a limit a stop is due soon, and more cuts would only delay it. Also where no robot waits for the answer."""
 

@@ -8,11 +8,11 @@ import irsbot_kinematics as irs
 
 
 class Counted:
-    """A mechanism that counts the boxes that are bounded, and keeps the joint positions to which it was followed."""
+    """A mechanism that counts the boxes that are bounded, and keeps between which postures it was followed."""
 
     def __init__(self, mechanism: irs.Mechanism) -> None:
         self._mechanism, self.boxes = mechanism, 0
-        self.followed: list[tuple[float, ...]] = []
+        self.ways: list[tuple[irs.Posture, irs.Posture]] = []
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._mechanism, name)
@@ -22,5 +22,6 @@ class Counted:
         return self._mechanism.certified_bounds(*args)
 
     def track(self, joints: tuple[float, ...], previous: irs.Posture) -> irs.Posture:
-        self.followed.append(joints)
-        return self._mechanism.track(joints, previous)
+        found = self._mechanism.track(joints, previous)
+        self.ways.append((previous, found))
+        return found
