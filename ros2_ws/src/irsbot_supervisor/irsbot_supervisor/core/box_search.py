@@ -119,10 +119,15 @@ class Search:
         spare = {box.part: spare_of(box.certified, wanted) for box in self._boxes}
         if len(spare) == len(self._begun):
             most = min(most, len(spare) - 1)
+        halves = [(part, _other_half(part)) for part in spare if part]
+        worse = {part: min(spare[part], spare[other]) for part, other in halves if other in spare}
         while len(spare) > max(most, 1):
-            pairs = [(part, other) for part in spare if (other := _other_half(part)) in spare]
-            one, other = max(pairs, key=lambda pair: min(spare[pair[0]], spare[pair[1]]))
-            spare[one[:-1]] = min(spare.pop(one), spare.pop(other))
+            one = max(worse, key=worse.__getitem__)
+            other, whole = _other_half(one), one[:-1]
+            del worse[one], worse[other]
+            spare[whole] = min(spare.pop(one), spare.pop(other))
+            if whole and (beside := _other_half(whole)) in spare:
+                worse[whole] = worse[beside] = min(spare[whole], spare[beside])
         return tuple(spare)
 
     def _begin(self, goal: Margins) -> None:
@@ -217,9 +222,9 @@ class Search:
         return Box(box.at, box.half, largest_margins(box.certified, more), box.part, sharp=True)
 
 
-def _other_half(part: Part) -> Part | None:
+def _other_half(part: Part) -> Part:
     """The part from which this one was cut off."""
-    return (*part[:-1], part[-1] ^ 1) if part else None
+    return (*part[:-1], part[-1] ^ 1)
 
 
 class BoxBounds:
