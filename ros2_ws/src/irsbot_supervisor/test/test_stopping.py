@@ -431,7 +431,7 @@ def test_halves_become_one_again_where_no_cut_was_needed(name: str) -> None:
     assert less >= 10, "nothing was cut: the fixture proves nothing"
 
 
-@pytest.mark.parametrize("name", ["irsbot2", "rrr3"])
+@pytest.mark.parametrize("name", ["irsbot2", "rrr3", "orthoglide"])
 def test_of_the_halves_that_become_one_again_the_worse_has_most_to_spare(name: str) -> None:
     """All pairs are tried, with bounds of every part on its own."""
     mechanism, joined = shipped(name)[1].mechanism, 0
