@@ -136,8 +136,8 @@ def _tables(measured: Measured) -> list[Table]:
         table.add_row(str(fast.sent), str(fast.lost), f"{fast.states / fast.seconds:.0f}", f"{fast.cpu_us:.0f}")
         tables.append(table)
     if measured.one_sample:
-        heads = ("median [us]", "p99 [us]", "worst [us]", "median with its state [us]", "hardest prediction [us]")
-        table = Table("robot", *heads, title="one step of the supervisor, to the verdict")
+        heads = ("median", "p99", "worst", "median with state", "hardest prediction")
+        table = Table("robot", *heads, title="one step of the supervisor, to the verdict [us]")
         for result in measured.one_sample:
             times = (result.median_us, result.p99_us, result.worst_us, result.with_state_us, result.hardest_us)
             table.add_row(result.robot, *[f"{taken:.1f}" for taken in times])
