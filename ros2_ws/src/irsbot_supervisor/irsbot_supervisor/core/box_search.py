@@ -56,7 +56,6 @@ class Search:
         self._mechanism, self._slack_m, self._near = mechanism, slack_m, near
         self._middle = tuple([0.5 * (a + b) for a, b in zip(low, high, strict=True)])
         self._half = tuple([0.5 * (b - a) for a, b in zip(low, high, strict=True)])
-        self._weights = [1.0 / half if half > 0.0 else 0.0 for half in self._half]  # of ways, as shares of the box
         self._boxes: list[Box] = []
         self._wanted: Margins | None = None
         self._spares: list[float] = []  # of the first boxes, from what is wanted
@@ -154,12 +153,13 @@ class Search:
             return self._at  # where labels are invariant, no way is followed
         pairs = zip(part, self._boxes[-1].part, strict=False)
         depth = next(k for k, (one, other) in enumerate(pairs) if one != other)
+        weights = [1.0 / half if half > 0.0 else 0.0 for half in self._half]  # of ways, as shares of the box
         found, least = self._at, inf
         for box in reversed(self._boxes):
             if box.part[:depth] != part[:depth]:
                 break
             way = 0.0
-            for q, start, weight in zip(middle, box.at.joints, self._weights, strict=True):
+            for q, start, weight in zip(middle, box.at.joints, weights, strict=True):
                 way += weight * abs(q - start)
             if way < least:
                 found, least = box.at, way
